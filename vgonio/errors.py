@@ -1,0 +1,45 @@
+"""Errors and warnings that a user can act on.
+
+A message says what is wrong, what was got (value, shape, unit), what is allowed and what to do.
+The command line prints one line of it and exits with status 2.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class VgonioError(Exception):
+    """Base of all errors that the input, not the program, is responsible for."""
+
+
+class InputError(VgonioError, ValueError):
+    """A value, an array or a scene key is outside what is allowed."""
+
+
+class FileFormatError(VgonioError, ValueError):
+    """A file is missing, truncated, of an unknown kind or of another program."""
+
+
+class MaterialError(VgonioError, ValueError):
+    """A material is unknown, or was asked for outside its wavelength table."""
+
+
+class BackendError(VgonioError, RuntimeError):
+    """A method was asked for whose library or device is not there; the message says what to install."""
+
+
+class ToleranceError(VgonioError, RuntimeError):
+    """The tolerance asked cannot be met; the message gives the reason and the achieved figure."""
+
+
+class VgonioWarning(UserWarning):
+    """Something implausible that the program goes on with."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """A hint "did you mean 'x'?" for a misspelt name, or the list of known ones."""
+    known = sorted(known)
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    return f"did you mean {close[0]!r}?" if close else "known: " + ", ".join(known)

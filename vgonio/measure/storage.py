@@ -1,0 +1,69 @@
+"""Results on disk: one NetCDF-4 file with a group for each part, written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from ..errors import FileFormatError
+from .dataset import plain
+
+FORMAT = "vgonio result"
+FORMAT_VERSION = 1
+GROUPS = ("rays", "waves", "measured", "comparison")
+
+
+def save(result: xr.DataTree | xr.Dataset, path: str | os.PathLike[str]) -> Path:
+    """Write a result to NetCDF-4 under a temporary name beside `path`, then rename; returns the path.
+
+    A Dataset becomes the root group. Raises FileFormatError where the folder cannot be written.
+    """
+    path = Path(path)
+    tree = result if isinstance(result, xr.DataTree) else xr.DataTree(result)
+    tree = tree.copy()
+    tree.attrs = {
+        **{k: plain(v) for k, v in tree.attrs.items()},
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+    }
+    encoding = {
+        node.path: {str(v): {"zlib": True, "complevel": 4} for v in node.data_vars if node[v].ndim} for node in tree.subtree
+    }
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=".*Consolidated metadata.*")
+            tree.to_netcdf(temporary, engine="h5netcdf", encoding=encoding)
+        os.replace(temporary, path)
+    except OSError as e:
+        raise FileFormatError(f"cannot write {path}: {e.strerror or e}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+    return path
+
+
+def open(path: str | os.PathLike[str]) -> xr.DataTree:
+    """Read a result into memory; FileFormatError for a missing file or one of another program."""
+    path = Path(path)
+    if not path.is_file():
+        raise FileFormatError(f"no such result file: {path}")
+    try:
+        with xr.open_datatree(path, engine="h5netcdf") as tree:
+            loaded = tree.load()
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as e:
+        raise FileFormatError(f"{path} is not a NetCDF-4 file ({str(e).splitlines()[0] if str(e) else type(e).__name__})") from None
+    require_ours(loaded.attrs, path)
+    return loaded
+
+
+def require_ours(attrs: dict[Any, Any], path: Path) -> None:
+    if attrs.get("format") != FORMAT:
+        raise FileFormatError(f"{path} is a result of another program: its attribute 'format' is not {FORMAT!r}")
+    if int(attrs.get("format_version", 0)) > FORMAT_VERSION:
+        raise FileFormatError(
+            f"{path} has format version {attrs['format_version']}, this vgonio reads up to {FORMAT_VERSION}: upgrade vgonio"
+        )
