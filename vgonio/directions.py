@@ -157,7 +157,9 @@ class Detector:
         theta = angle_list(theta_o_deg, "theta_o_deg")
         if not (np.isfinite(aperture_deg) and 0 < aperture_deg <= 90):
             raise InputError(f"aperture_deg = {aperture_deg}°: allowed is 0 < aperture ≤ 90° (full angle of the cone)")
-        return Detector("in-plane", theta, np.full(theta.shape, float(phi_deg)), ("theta_o",), float(radians(aperture_deg / 2)))
+        return Detector(
+            "in-plane", theta, np.full(theta.shape, float(phi_deg)), ("theta_o",), float(radians(aperture_deg / 2))
+        )
 
     @staticmethod
     def hemisphere(resolution_deg: float = 5.0) -> Detector:

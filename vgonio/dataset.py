@@ -1,0 +1,127 @@
+"""The one dataset that every result is: dims, units and names of variables and coordinates, and their check.
+
+dims (theta_i, theta_o, wavelength), on a hemisphere (theta_i, cell, wavelength); further dims come first (bounce).
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from .directions import Detector
+from .errors import FileFormatError
+
+# name: (units, long_name)
+COORDINATES = {
+    "theta_i": ("degree", "angle of incidence, signed in the plane of incidence"),
+    "theta_o": ("degree", "angle of reflection, signed in plane; polar angle on a hemisphere"),
+    "phi_i": ("degree", "azimuth of the plane of incidence"),
+    "phi_o": ("degree", "azimuth of the reflected direction"),
+    "wavelength": ("nm", "wavelength"),
+    "solid_angle": ("sr", "solid angle of the detector element"),
+    "bounce": ("1", "number of reflections; the last entry gathers all higher ones"),
+    "order": ("1", "diffraction order"),
+    "cell": ("1", "cell of the hemisphere"),
+}
+VARIABLES = {
+    "brdf": ("sr-1", "bidirectional reflectance distribution function"),
+    "brdf_stderr": ("sr-1", "standard error of the mean of brdf"),
+    "brdf_by_bounce": ("sr-1", "part of brdf by number of reflections"),
+    "brdf_by_bounce_stderr": ("sr-1", "standard error of the mean of brdf_by_bounce"),
+    "energy_by_bounce": ("1", "share of the incident power that leaves upward after that many reflections"),
+    "energy_absorbed": ("1", "share of the incident power that is absorbed"),
+    "energy_lost": ("1", "share of the incident power that leaves through the sides or stops at the bounce limit"),
+    "energy_reflected": ("1", "share of the incident power that reaches the hemisphere of the detector"),
+    "efficiency": ("1", "diffraction efficiency: power of the order over incident power"),
+    "fresnel": ("1", "Fresnel reflectance at the half vector"),
+    "rays": ("1", "number of rays traced"),
+    "windows": ("1", "effective independent coherence windows"),
+}
+
+
+def label(data: xr.Dataset) -> xr.Dataset:
+    """The same dataset with units and long_name on every variable and coordinate that this module knows."""
+    for name in data.variables:
+        known = COORDINATES.get(str(name)) or VARIABLES.get(str(name))
+        if known:
+            data[name].attrs.setdefault("units", known[0])
+            data[name].attrs.setdefault("long_name", known[1])
+    return data
+
+
+def detector_coords(detector: Detector) -> dict[str, Any]:
+    """Coordinates of a result's detector dimension."""
+    dim = detector.dims[0]
+    coords: dict[str, Any] = {"solid_angle": (dim, detector.solid_angle)}
+    if dim == "theta_o":
+        return coords | {"theta_o": (dim, detector.theta_deg)}
+    return coords | {
+        "cell": (dim, np.arange(len(detector))),
+        "theta_o": (dim, detector.theta_deg),
+        "phi_o": (dim, detector.phi_deg),
+    }
+
+
+def brdf_dataset(
+    variables: Mapping[str, tuple[tuple[str, ...], ArrayLike]],
+    theta_i_deg: ArrayLike,
+    wavelength_nm: ArrayLike,
+    detector: Detector,
+    *,
+    phi_i_deg: float = 0.0,
+    coords: Mapping[str, Any] | None = None,
+    attrs: Mapping[str, Any] | None = None,
+) -> xr.Dataset:
+    """A labelled result. `variables` maps a name to (dims, array), as xarray takes it; attrs are strings and numbers."""
+    data = xr.Dataset(
+        {k: (dims, np.asarray(v)) for k, (dims, v) in variables.items()},
+        coords={
+            "theta_i": ("theta_i", np.asarray(theta_i_deg, float)),
+            "wavelength": ("wavelength", np.asarray(wavelength_nm, float)),
+            "phi_i": float(phi_i_deg),
+            **detector_coords(detector),
+            **(coords or {}),
+        },
+        attrs={k: plain(v) for k, v in (attrs or {}).items()},
+    )
+    return label(data)
+
+
+def plain(value: Any) -> Any:
+    """Attributes in a file are strings and numbers; anything else becomes JSON."""
+    if isinstance(value, (bool, np.bool_)):
+        return int(value)
+    if isinstance(value, (str, int, float, np.integer, np.floating)):
+        return value
+    return json.dumps(value, default=str)
+
+
+def versions() -> str:
+    """Versions of what made a result, as JSON."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    from . import __version__
+
+    found = {"vgonio": __version__, "python": platform.python_version()}
+    for name in ("numpy", "scipy", "xarray", "embreex", "finufft", "pyopencl"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return json.dumps(found)
+
+
+def check(data: xr.Dataset, what: str = "result") -> xr.Dataset:
+    """Raise FileFormatError unless `data` looks like one of our results."""
+    if "brdf" not in data or not {"theta_i", "wavelength"} <= set(data["brdf"].dims):
+        raise FileFormatError(
+            f"{what} holds no BRDF of vgonio: a variable 'brdf' over theta_i, theta_o (or cell) and wavelength is needed, "
+            f"found {sorted(map(str, data.variables)) or 'nothing'}"
+        )
+    return data

@@ -1,0 +1,134 @@
+"""The triangle mesh that rays see: facets of the interpolated surface, in one period or up to the outer samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from .heightfield import Heightfield
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles, anticlockwise seen from above (walls: seen from the open side).
+
+    vertices : (nv, 3) µm;  faces : (nf, 3) int32
+    box : (x0, x1, y0, y1) in µm, the part of the plane that the mesh covers; with `period` the mesh overlaps
+          its box by one facet on every side, so that a ray that crosses the border finds no gap
+    period : (Lx, Ly) in µm, or None for a finite piece
+    """
+
+    vertices: Floats
+    faces: NDArray[np.int32]
+    box: tuple[float, float, float, float]
+    period: tuple[float, float] | None
+
+    @cached_property
+    def z_range(self) -> tuple[float, float]:
+        return float(self.vertices[:, 2].min()), float(self.vertices[:, 2].max())
+
+    @cached_property
+    def normals(self) -> Floats:
+        """(nf, 3) unit normals of the facets in double precision, n_z ≥ 0."""
+        a, b, c = (self.vertices[self.faces[:, i]] for i in range(3))
+        n = np.cross(b - a, c - a)
+        return n / np.linalg.norm(n, axis=1, keepdims=True)
+
+    @cached_property
+    def areas(self) -> Floats:
+        """(nf,) areas of the facets in µm²."""
+        a, b, c = (self.vertices[self.faces[:, i]] for i in range(3))
+        return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+
+    @cached_property
+    def offsets(self) -> Floats:
+        """(nf,) distances of the facets' planes from the origin: n · r = offset."""
+        return np.einsum("ij,ij->i", self.normals, self.vertices[self.faces[:, 0]])
+
+
+def mesh(surface: Heightfield, refinement: int = 1) -> Mesh:
+    """Triangulate the interpolated surface with `refinement` cells per sample and axis.
+
+    With refinement 1 the vertices are the samples themselves. A "nearest" surface becomes plateaus and vertical walls.
+    A field of one row or column that is not periodic has no area and raises InputError.
+    """
+    if refinement < 1:
+        raise InputError(f"mesh refinement {refinement}: at least 1 cell per sample is needed")
+    surface.require_complete()
+    if surface.interpolation == "nearest":
+        return _plateaus(surface)
+    overlap = 1 if surface.periodic else 0
+    grids = []
+    for n, h in zip(surface.shape, surface.pitch_um):
+        last = n * refinement if surface.periodic else (n - 1) * refinement
+        if last < 1:
+            raise InputError(
+                f"a surface of {surface.shape} samples has no area to trace: give at least two rows and columns"
+            )
+        grids.append((0.5 + np.arange(-overlap, last + 1 + overlap) / refinement) * h)
+    y, x = grids
+    z = surface.interpolant.grid(y, x)
+    box = (x[overlap], x[-1 - overlap], y[overlap], y[-1 - overlap])
+    period = (surface.size_um[1], surface.size_um[0]) if surface.periodic else None
+    vertices = np.stack([*np.meshgrid(x, y), z], axis=-1).reshape(-1, 3)
+    return Mesh(vertices, _grid_faces(len(y), len(x)), box, period)
+
+
+def _grid_faces(ny: int, nx: int) -> NDArray[np.int32]:
+    a = (np.arange(ny - 1, dtype=np.int32)[:, None] * nx + np.arange(nx - 1, dtype=np.int32)).ravel()
+    lower = np.stack([a, a + 1, a + nx], axis=1)
+    upper = np.stack([a + 1, a + nx + 1, a + nx], axis=1)
+    return np.stack([lower, upper], axis=1).reshape(-1, 3)
+
+
+def _plateaus(surface: Heightfield) -> Mesh:
+    """Each sample a horizontal rectangle, and a vertical wall wherever two neighbours differ in height."""
+    z = surface.z
+    if surface.periodic:
+        z = np.pad(z, 1, mode="wrap")
+    start = -1 if surface.periodic else 0
+    ny, nx = z.shape
+    x = (np.arange(nx + 1) + start) * surface.dx
+    y = (np.arange(ny + 1) + start) * surface.dy
+    quads = []
+    x0, y0 = np.meshgrid(x[:-1], y[:-1])
+    x1, y1 = np.meshgrid(x[1:], y[1:])
+    quads.append(_quads([(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)]))
+    for axis in (0, 1):
+        low, high = (z[:, :-1], z[:, 1:]) if axis == 1 else (z[:-1], z[1:])
+        j, i = np.nonzero(low != high)
+        a, b = low[j, i], high[j, i]
+        # the corner order that makes the normal point to the lower side
+        if axis == 1:
+            w, p, q = x[i + 1], y[j], y[j + 1]
+            quads.append(_quads([(w, q, a), (w, p, a), (w, p, b), (w, q, b)]))
+        else:
+            w, p, q = y[j + 1], x[i], x[i + 1]
+            quads.append(_quads([(p, w, a), (q, w, a), (q, w, b), (p, w, b)]))
+    corners = np.concatenate(quads)
+    first = 4 * np.arange(len(corners), dtype=np.int32)[:, None, None]
+    faces = (first + np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)).reshape(-1, 3)
+    box = (0.0, surface.size_um[1], 0.0, surface.size_um[0])
+    period = (surface.size_um[1], surface.size_um[0]) if surface.periodic else None
+    return Mesh(corners.reshape(-1, 3), faces, box, period)
+
+
+def _quads(corners: list) -> Floats:
+    """(m, 4, 3) corners in order. A wall between heights a and b faces the lower side whichever of them that is:
+    where the order of heights changes, so does the sense of rotation."""
+    return np.stack([np.stack(np.broadcast_arrays(*c), axis=-1).reshape(-1, 3) for c in corners], axis=1).astype(float)
+
+
+def mirrored(surface: Heightfield) -> Heightfield:
+    """The periodic 2 × 2 supercell of a finite field and its mirror images: continuous, and reciprocal as a whole.
+
+    It flips slopes (a blazed grating becomes another one): the last resort where a finite sample is too small.
+    """
+    z = np.block([[surface.z, surface.z[:, ::-1]], [surface.z[::-1], surface.z[::-1, ::-1]]])
+    return surface.with_history(z, "mirrored 2 × 2 supercell", periodic=True)
