@@ -1,0 +1,27 @@
+"""All figures of the report, each a function from a dataset to a matplotlib Figure; they work in a notebook too.
+
+>>> tree = vg.open("result.nc")
+>>> vg.report.figures.decomposition(tree["rays"].to_dataset())
+"""
+
+from .brdf_figures import decomposition, energy, lobes, wave_energy
+from .hemisphere_figures import polar_decomposition, polar_maps
+from .spectral_figures import delta_e_maps, rgb_maps, shift_slopes, spectra
+from .surface_figures import height_histogram, psd, slope_histogram, surface_map
+
+__all__ = [
+    "decomposition",
+    "delta_e_maps",
+    "energy",
+    "height_histogram",
+    "lobes",
+    "polar_decomposition",
+    "polar_maps",
+    "psd",
+    "rgb_maps",
+    "shift_slopes",
+    "slope_histogram",
+    "spectra",
+    "surface_map",
+    "wave_energy",
+]

@@ -1,0 +1,203 @@
+"""Figures of spectra and colour: spectra forward and backward, slopes of the linear shift, RGB and ΔE₀₀ maps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from . import quantities as q
+from .brdf_figures import MOST_PANELS, Results, legend_of_results
+from .style import INK, MUTED, angle, angle_axis, colours, directions_marked, edges, new_figure, panels, some, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NORMALISED_AT = 600.0  # nm, λ_n of the thesis
+
+
+@styled
+def spectra(results: Results, theta_i: float = 40.0, back: float | None = None) -> Figure:
+    """BRDF against wavelength in the mirror direction and in back-scattering at one θᵢ (thesis figure 4.5).
+
+    Upper row absolute, lower row relative to 600 nm; bands are ±1 standard error.
+    results : datasets by name;  theta_i : degrees, the nearest there is;  back : θₒ of back-scattering, default θᵢ.
+    """
+    theta_i = nearest_incidence(results, theta_i)
+    back = theta_i if back is None else back
+    figure = new_figure(10.0, 5.6)
+    grid = figure.subplots(2, 2, sharex=True)
+    colour = colours(list(results))
+    for column, (theta_o, side) in enumerate(((-theta_i, "forward, mirror direction"), (back, "back-scattering"))):
+        top, bottom = grid[0][column], grid[1][column]
+        for name, data in results.items():
+            here = q.incidence(q.sort(data), theta_i)
+            here = None if here is None else q.direction(here, theta_o)
+            if here is not None:
+                spectrum(top, here, colour[name], 1.0, name == "measured")
+                spectrum(bottom, here, colour[name], value_at(here, NORMALISED_AT), name == "measured")
+        top.set_title(f"{side}: θᵢ = {angle(theta_i)}, θₒ = {angle(theta_o)}")
+        top.set_ylim(bottom=0)
+        bottom.axhline(1, color=MUTED, lw=0.8, ls=(0, (4, 3)))
+        bottom.set_xlabel("wavelength λ (nm)")
+    grid[0][0].set_ylabel("BRDF (sr⁻¹)")
+    grid[1][0].set_ylabel(f"BRDF over its value at {NORMALISED_AT:g} nm")
+    low, high = np.array([ax.get_ylim() for ax in grid[1]]).T
+    for ax in grid[1]:
+        ax.set_ylim(max(0, low.min()), min(2.5, high.max()))
+    legend_of_results(figure, results)
+    return figure
+
+
+def nearest_incidence(results: Results, theta_i: float) -> float:
+    angles = next(iter(results.values()))["theta_i"].values
+    return float(angles[np.abs(angles - theta_i).argmin()])
+
+
+def value_at(data: xr.Dataset, wavelength_nm: float) -> float:
+    """Value at that wavelength of a straight line through the spectrum: less noisy than one value of it."""
+    w, f = data["wavelength"].values, data["brdf"].values
+    known = np.isfinite(f)
+    if known.sum() < 3:
+        return float("nan")
+    return float(np.polyval(np.polyfit(w[known] - wavelength_nm, f[known], 1), 0.0))
+
+
+def spectrum(ax: Axes, data: xr.Dataset, colour: str, scale: float, dots: bool) -> None:
+    w, f = data["wavelength"].values, data["brdf"].values
+    if not (np.isfinite(scale) and scale > 0):
+        return
+    if dots:
+        ax.plot(w, f / scale, "o", color=colour, ms=3.2, mfc="white", mew=1.0, zorder=3)
+    else:
+        ax.plot(w, f / scale, color=colour)
+    if "brdf_stderr" in data:
+        error = data["brdf_stderr"].values
+        if dots:
+            ax.errorbar(w, f / scale, error / scale, fmt="none", ecolor=colour, elinewidth=0.7, alpha=0.6)
+        else:
+            ax.fill_between(w, (f - error) / scale, (f + error) / scale, color=colour, alpha=0.2, lw=0)
+
+
+@styled
+def shift_slopes(slopes: Mapping[str, xr.Dataset], titles: Mapping[str, str] | None = None) -> Figure:
+    """Slope m of the local linear shift against θₒ, a panel for each θᵢ, with the global fit (thesis figure 4.8).
+
+    slopes : for each result a dataset (theta_i, theta_o) with slope, slope_stderr and optionally slope_global, all
+    in nm⁻¹. Drawn in % per 100 nm, so that +10 means: 10 % brighter for every 100 nm towards red.
+    """
+    from matplotlib.lines import Line2D
+
+    first = next(iter(slopes.values()))
+    chosen = some(np.sort(first["theta_i"].values), MOST_PANELS)
+    figure, axes = panels(len(chosen))
+    colour = colours(list(slopes))
+    reach = []
+    for name, data in slopes.items():
+        data = data.sortby("theta_o") * 1e4
+        reach.append(np.nanpercentile(np.abs(data["slope"].values), 97))
+        for ax, theta_i in zip(axes, chosen):
+            offset = np.abs(data["theta_i"].values - theta_i)
+            if offset.min() <= 0.5:
+                slope_curve(ax, data.isel(theta_i=int(offset.argmin())), colour[name])
+    for ax, theta_i in zip(axes, chosen):
+        ax.axhline(0, color=MUTED, lw=0.8)
+        directions_marked(ax, theta_i)
+        ax.set_title(f"θᵢ = {angle(theta_i)}")
+    limit = 1.35 * max(reach) if reach and max(reach) > 0 else 1.0
+    axes[0].set_ylim(-limit, limit)
+    angle_axis(axes)
+    figure.supxlabel("angle of reflection θₒ (°)", fontsize=9)
+    figure.supylabel("slope m of the shift (% per 100 nm)", fontsize=9)
+    handles = [Line2D([], [], color=colour[n], marker="o", ms=3, label=(titles or {}).get(n, n)) for n in slopes]
+    if any("slope_global" in data for data in slopes.values()):
+        handles.append(Line2D([], [], color=INK, lw=1.0, ls=(0, (4, 2)), label="global fit of each, h·cos(w·θₘ) + t"))
+    figure.legend(handles=handles, loc="outside upper left", ncols=5, handlelength=1.8)
+    return figure
+
+
+def slope_curve(ax: Axes, data: xr.Dataset, colour: str) -> None:
+    theta_o, m = data["theta_o"].values, data["slope"].values
+    error = data["slope_stderr"].values if "slope_stderr" in data else None
+    ax.errorbar(theta_o, m, error, fmt="o", ms=2.2, color=colour, elinewidth=0.8, alpha=0.9)
+    if "slope_global" in data:
+        ax.plot(theta_o, data["slope_global"].values, color=colour, lw=1.2, ls=(0, (4, 2)))
+
+
+@styled
+def rgb_maps(maps: Mapping[str, xr.DataArray], titles: Mapping[str, str] | None = None) -> Figure:
+    """In-plane RGB maps side by side, each square one pair of directions (thesis figures 4.4 and 4.7).
+
+    maps : for each result an array (theta_i, theta_o, rgb) with sRGB in 0…1 and the attributes exposure and
+    clipped (share of the squares outside the gamut). Missing squares stay hatched.
+    """
+    figure = new_figure(10.0, 0.6 + 2.9 * -(-len(maps) // 3))
+    axes = map_axes(figure, len(maps))
+    for ax, (name, rgb) in zip(axes, maps.items()):
+        rgb = rgb.sortby("theta_i").sortby("theta_o").transpose("theta_i", "theta_o", "rgb")
+        squares(ax, rgb, np.nan_to_num(np.clip(rgb.values, 0, 1)), np.isnan(rgb.values).any(axis=-1))
+        ax.set_title((titles or {}).get(name, name))
+        ax.set_xlabel("θₒ (°)" + map_note(rgb))
+    axes[0].set_ylabel("θᵢ (°)")
+    return figure
+
+
+def map_note(rgb: xr.DataArray) -> str:
+    clipped = rgb.attrs.get("clipped", rgb.attrs.get("clipped_share"))
+    return "" if clipped is None else f"   clipped: {100 * float(clipped):.3g} %"
+
+
+def map_axes(figure: Figure, count: int) -> list[Axes]:
+    columns = min(3, count) if count > 1 else 2
+    grid = figure.subplots(-(-count // columns), columns, squeeze=False, sharey=True).ravel()
+    for empty in grid[count:]:
+        empty.set_visible(False)
+    return list(grid[:count])
+
+
+def squares(ax: Axes, data: xr.DataArray, colour: np.ndarray, missing: np.ndarray, **options):
+    """Cells over (theta_i, theta_o) with white lines between them; fine grids are drawn as one picture."""
+    x, y = edges(data["theta_o"].values), edges(data["theta_i"].values, lowest=-90)
+    fine = colour.shape[0] * colour.shape[1] > 4000
+    ax.set_facecolor("#f1f3f5")
+    if colour.ndim == 3:
+        colour = np.dstack([colour, ~missing])
+    mesh = ax.pcolormesh(
+        x, y, colour, edgecolors="none" if fine else "white", linewidth=0 if fine else 0.5, rasterized=fine, **options
+    )
+    ax.grid(False)
+    ax.set_xticks(np.arange(-60, 61, 30))
+    ax.set_yticks(some(data["theta_i"].values, 9))
+    ax.set_xlim(x[0], x[-1])
+    for side in ax.spines.values():
+        side.set_visible(False)
+    return mesh
+
+
+@styled
+def delta_e_maps(maps: Mapping[str, xr.DataArray]) -> Figure:
+    """ΔE₀₀ between pairs of results over (theta_i, theta_o), one scale for all, readable by colour-blind people.
+
+    maps : for each pair ("rays and waves") an array (theta_i, theta_o). The mean stands below each map.
+    """
+    figure = new_figure(10.0, 0.6 + 2.9 * -(-len(maps) // 3))
+    axes = map_axes(figure, len(maps))
+    top = max(
+        1.0, max(float(np.nanpercentile(m.values, 98)) if np.isfinite(m.values).any() else 0.0 for m in maps.values())
+    )
+    for ax, (name, data) in zip(axes, maps.items()):
+        data = data.sortby("theta_i").sortby("theta_o").transpose("theta_i", "theta_o")
+        values = np.ma.masked_invalid(data.values)
+        mesh = squares(ax, data, values, np.isnan(data.values), cmap="viridis", vmin=0, vmax=top)
+        ax.set_title(name)
+        ax.set_xlabel(
+            f"θₒ (°)   mean {float(np.nanmean(data.values)):.2g}, largest {float(np.nanmax(data.values)):.2g}"
+        )
+    axes[0].set_ylabel("θᵢ (°)")
+    bar = figure.colorbar(mesh, ax=axes, shrink=0.9, pad=0.015, aspect=24, extend="max")
+    bar.set_label("ΔE₀₀")
+    bar.outline.set_visible(False)
+    return figure
