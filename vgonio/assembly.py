@@ -1,0 +1,178 @@
+"""From a scene to the objects that do the work: surface, gonioreflectometer, solvers, measured data.
+
+Each is made only when asked for, so that a scene without waves never loads a wave library and one without rays never
+loads the ray tracer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from .errors import InputError
+from .materials import Material, material
+from .scene import Scene
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from .measure import Gonioreflectometer
+    from .surface import Heightfield
+
+Progress = Callable[[float], None]
+T = TypeVar("T")
+
+
+# ---- the surface
+def source_surface(scene: Scene) -> Heightfield:
+    """The surface as its file or generator gives it, with the scene's overrides of pitch, unit and interpolation."""
+    from . import surface
+
+    asked = _required(scene.surface, "surface")
+    if asked.file is not None:
+        return surface.read(
+            scene.resolve(asked.file),
+            pitch_um=asked.pitch_um,
+            height_unit=asked.height_unit,
+            interpolation=asked.interpolation,
+            periodic=asked.periodic,
+        )
+    parameters = dict(asked.generate or {})
+    made = getattr(surface, parameters.pop("kind"))(**parameters)
+    changes = {k: getattr(asked, k) for k in ("interpolation", "periodic") if getattr(asked, k) is not None}
+    return made.replace(**changes) if changes else made
+
+
+def levelling(scene: Scene, source: Heightfield) -> str:
+    """What the scene asks for; by default a plane off a measured field, nothing off a periodic or generated one."""
+    asked = _required(scene.surface, "surface")
+    return asked.level or ("none" if source.periodic or asked.generate is not None else "plane")
+
+
+def prepared_surface(scene: Scene, source: Heightfield | None = None) -> Heightfield:
+    """The surface that is measured: read or generated, cropped, filled, levelled and filtered, in this order.
+
+    Raises InputError for missing points that the scene does not fill.
+    """
+    from . import surface
+
+    asked = _required(scene.surface, "surface")
+    made = source_surface(scene) if source is None else source
+    if asked.crop_um is not None:
+        made = made.cropped(asked.crop_um)
+    if made.missing:
+        if asked.fill == "error":
+            made.require_complete()
+        made = surface.fill(made, asked.fill)
+    level = levelling(scene, made)
+    if level != "none":
+        made = surface.level(made, level)
+    if asked.filter is not None and (asked.filter.s_um or asked.filter.l_um):
+        made = surface.gaussian_filter(made, s_um=asked.filter.s_um, l_um=asked.filter.l_um)
+    return made
+
+
+# ---- light, detector, material
+def scene_material(scene: Scene) -> Material:
+    """The material, checked against the scene's wavelengths; MaterialError outside its table."""
+    asked = _required(scene.material, "material")
+    made = material(asked.name if asked.name is not None else scene.resolve(asked.file or ""))
+    if scene.light is not None:
+        made.check(scene.light.wavelength_nm)
+    return made
+
+
+def gonioreflectometer(scene: Scene) -> Gonioreflectometer:
+    """The instrument with the scene's light and detector."""
+    from .measure import Gonioreflectometer
+
+    light, detector = _required(scene.light, "light"), _required(scene.detector, "detector")
+    source = {
+        "theta_i_deg": light.theta_i_deg,
+        "phi_i_deg": light.phi_i_deg,
+        "coherence_um": light.coherence_um,
+        "divergence_deg": light.divergence_deg,
+        "polarisation": light.polarisation,
+    }
+    if detector.kind == "hemisphere":
+        resolution = {} if detector.resolution_deg is None else {"resolution_deg": detector.resolution_deg}
+        return Gonioreflectometer.hemisphere(**source, **resolution)
+    return Gonioreflectometer(theta_o_deg=detector.theta_o_deg, aperture_deg=detector.aperture_deg, **source)
+
+
+# ---- solvers
+def rays(scene: Scene, progress: Progress | None = None) -> Any:
+    """The ray solver of [geometric]."""
+    from .geometric import RayOptics
+
+    asked, light = _required(scene.geometric, "geometric"), _required(scene.light, "light")
+    given = {} if asked.max_bounces is None else {"max_bounces": asked.max_bounces}
+    return RayOptics(
+        material=scene_material(scene),
+        wavelength_nm=light.wavelength_nm,
+        rays=asked.rays,
+        seed=asked.seed,
+        tol=asked.tol,
+        tracer=asked.tracer,
+        progress=progress,
+        **given,
+    )
+
+
+def waves(scene: Scene, theory: str, progress: Progress | None = None) -> Any:
+    """The wave solver of [wave] for one of its theories."""
+    from .wave import Kirchhoff
+
+    asked, light = _required(scene.wave, "wave"), _required(scene.light, "light")
+    given = {} if progress is None else {"progress": progress}
+    return Kirchhoff(
+        material=scene_material(scene),
+        wavelength_nm=light.wavelength_nm,
+        tol=asked.tol,
+        method=asked.method,
+        theory=theory,
+        **given,
+    )
+
+
+def wave_groups(scene: Scene) -> dict[str, str]:
+    """Names of the result's wave groups and their theories: `waves` is the first, further ones are waves_<theory>."""
+    theories = scene.wave.theory if scene.wave is not None else []
+    return {"waves" if i == 0 else "waves_" + t.replace("-", "_"): t for i, t in enumerate(theories)}
+
+
+def measured(scene: Scene) -> xr.Dataset:
+    """The measured BRDF of [measured]."""
+    from . import measure
+
+    asked = _required(scene.measured, "measured")
+    given = {} if asked.format is None else {"format": asked.format}
+    return measure.read(scene.resolve(asked.file), **given)
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """Everything that a scene reads: the surface as found and as prepared, the material, the measured BRDF."""
+
+    source: Heightfield | None
+    surface: Heightfield | None
+    material: Material | None
+    measured: xr.Dataset | None
+
+
+def gather(scene: Scene) -> Inputs:
+    """Read and check all inputs of a scene, before any work starts."""
+    source = source_surface(scene) if scene.surface is not None else None
+    return Inputs(
+        source,
+        prepared_surface(scene, source) if source is not None else None,
+        scene_material(scene) if scene.material is not None else None,
+        measured(scene) if scene.measured is not None else None,
+    )
+
+
+def _required(table: T | None, name: str) -> T:
+    if table is None:
+        raise InputError(f"the scene has no table [{name}]")
+    return table

@@ -1,0 +1,105 @@
+"""How a command ends: one line on standard error, and the exit status that belongs to it."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from typing import Any
+
+import typer
+
+from ..errors import VgonioError, VgonioWarning
+
+# the base of typer's usage errors, wherever its copy of click lives
+USAGE_ERROR: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
+DONE, OWN_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+
+def run(arguments: list[str]) -> int:
+    """Run one command line; see `vgonio.cli.main`."""
+    kept = _Warnings()
+    try:
+        status = _command(arguments, kept)
+    except KeyboardInterrupt as e:
+        kept.show()
+        notes = "; ".join(getattr(e, "__notes__", []))
+        return _say(f"interrupted{': ' if notes else ''}{notes}", INTERRUPTED)
+    except BrokenPipeError:
+        # the reader of our output has gone: nothing more to say to anybody
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return OWN_FAULT
+    kept.show()
+    return status
+
+
+def _command(arguments: list[str], kept: _Warnings) -> int:
+    from .app import app
+
+    try:
+        with kept:
+            result = app(args=arguments, prog_name="vgonio", standalone_mode=False)
+        return result if isinstance(result, int) else DONE
+    except typer.Exit as e:
+        return e.exit_code
+    except USAGE_ERROR as e:
+        kept.drop()
+        return _say(f"error: {_usage(e)}", BAD_INPUT)
+    except typer.Abort:
+        raise KeyboardInterrupt from None
+    except VgonioError as e:
+        # what was wrong is one line; what else looked odd on the way there would only hide it
+        kept.drop()
+        return _say(f"error: {e}", BAD_INPUT)
+    except BrokenPipeError:
+        raise
+    except Exception as e:
+        if os.environ.get("VGONIO_DEBUG"):
+            raise
+        return _say(f"internal error: {type(e).__name__}: {e} (VGONIO_DEBUG=1 shows where)", OWN_FAULT)
+
+
+def _usage(error: Any) -> str:
+    path = getattr(getattr(error, "ctx", None), "command_path", "vgonio")
+    message = error.format_message().rstrip(".")
+    return f"{message[:1].lower()}{message[1:]} (`{path} --help` shows what is allowed)"
+
+
+def _say(text: str, status: int) -> int:
+    print("vgonio: " + " ".join(text.split()), file=sys.stderr, flush=True)
+    return status
+
+
+class _Warnings:
+    """Collects our own warnings while a command runs; each is shown once, in one line, when it has ended."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.catcher = warnings.catch_warnings()
+
+    def __enter__(self) -> _Warnings:
+        self.catcher.__enter__()
+        if not sys.warnoptions:
+            warnings.simplefilter("ignore")
+        warnings.simplefilter("always", VgonioWarning)
+        self.other = warnings.showwarning
+        warnings.showwarning = self.collect
+        return self
+
+    def __exit__(self, *exception: Any) -> None:
+        self.catcher.__exit__(*exception)
+
+    def collect(self, message: Any, category: Any, *place: Any, **more: Any) -> None:
+        if not issubclass(category, VgonioWarning):
+            self.other(message, category, *place, **more)
+        elif str(message) not in self.lines:
+            self.lines.append(str(message))
+
+    def drop(self) -> None:
+        self.lines.clear()
+
+    def show(self) -> None:
+        from .common import is_quiet
+
+        for line in [] if is_quiet() else self.lines:
+            _say(f"warning: {line}", DONE)

@@ -1,0 +1,136 @@
+"""Commands on scenes: simulate, plan, init."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..errors import FileFormatError, InputError
+from .common import Json, Quiet, Set, Threads, print_json, print_table, progress_bars, say
+
+SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).", show_default=False)]
+
+
+def simulate(
+    scene: SceneFile,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="RESULT.nc", help="Where the result goes, instead of the scene's output.file."
+        ),
+    ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            "--report", metavar="PAGE.html", help="Where the page goes, instead of the scene's output.report."
+        ),
+    ] = None,
+    overrides: Set = None,
+    as_json: Json = False,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Simulate a scene and write its result and page.
+
+    Rays, waves, a measurement to compare with: what the scene asks for is done, and nothing else.
+
+    Example: vgonio simulate scene.toml -o result.nc --report result.html --set geometric.rays=100000
+    """
+    from ..scene import load_scene
+    from ..simulation import simulate as run
+
+    checked = load_scene(scene, overrides or ())
+    if output is None and checked.output.file is None and report is None and checked.output.report is None:
+        raise InputError(
+            f"{scene}: nowhere to write to: give -o RESULT.nc, --report PAGE.html or [output] in the scene"
+        )
+    with progress_bars() as progress:
+        tree = run(checked, progress=progress, output=output, report=report)
+    _warn(json.loads(tree.attrs["plan"])["warnings"])
+    rows = _parts(tree)
+    if as_json:
+        print_json({"title": tree.attrs["title"], "parts": rows})
+    else:
+        if not quiet:
+            columns = ("part", "seconds", "error asked", "error achieved", "backend")
+            print_table(tree.attrs["title"], columns, [list(r.values()) for r in rows])
+        for what, asked, named in (("result", output, checked.output.file), ("page", report, checked.output.report)):
+            if asked is not None or named is not None:
+                say(f"{what}: {asked if asked is not None else checked.resolve(str(named))}")
+
+
+def _parts(tree: Any) -> list[dict[str, Any]]:
+    """One row a part: name, seconds, tolerance asked, error achieved, backend."""
+    rows = []
+    for name, seconds in json.loads(tree.attrs["seconds"]).items():
+        attrs = tree[name].attrs if name in tree.children else {}
+        error = attrs.get("error_achieved", attrs.get("error", attrs.get("achieved")))
+        row = {
+            "part": name,
+            "seconds": seconds,
+            "tol": attrs.get("tol"),
+            "error": error,
+            "backend": attrs.get("backend"),
+        }
+        rows.append(row)
+    return rows
+
+
+def _warn(lines: list[str]) -> None:
+    import warnings
+
+    from ..errors import VgonioWarning
+
+    for line in lines:
+        warnings.warn(VgonioWarning(line), stacklevel=2)
+
+
+def plan(
+    scene: SceneFile, overrides: Set = None, as_json: Json = False, threads: Threads = None, quiet: Quiet = False
+) -> None:
+    """Show what a scene will do, without doing it.
+
+    Stages, what is left out and why, libraries, rough costs, and where the numbers should not be trusted.
+
+    Example: vgonio plan scene.toml --json
+    """
+    from ..planning import plan as make_plan
+
+    made = make_plan(scene, overrides or ())
+    if as_json:
+        print_json(made.to_dict())
+        return
+    rows = [("yes" if s.needed else "no", s.name, s.library, s.cost, s.why) for s in made.stages]
+    print_table(f"Plan of {made.title}", ("done", "stage", "library", "cost", "why"), rows)
+    _warn(list(made.warnings))
+
+
+def init(
+    scene: Annotated[Path, typer.Argument(metavar="[SCENE]", help="File to write.")] = Path("scene.toml"),
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.", show_default=False)] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write a commented scene to start from.
+
+    It runs as it is, on a generated surface.
+
+    Example: vgonio init scene.toml && vgonio simulate scene.toml
+    """
+    from importlib.resources import files
+
+    if scene.exists() and not force:
+        raise InputError(f"{scene} is there already: choose another name, or --force to overwrite it")
+    text = (files("vgonio") / "template.toml").read_text(encoding="utf-8").replace("NAME", scene.stem)
+    temporary = scene.with_name(f".{scene.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        os.replace(temporary, scene)
+    except OSError as e:
+        raise FileFormatError(f"cannot write {scene}: {e.strerror or e}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+    say(f"wrote {scene}: edit it, then `vgonio plan {scene}` and `vgonio simulate {scene}`")

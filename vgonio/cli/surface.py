@@ -1,0 +1,141 @@
+"""Commands on surfaces: surface info, make, convert."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..errors import InputError, nearest
+from .common import Json, Quiet, Set, Threads, print_json, print_table, say
+
+app = typer.Typer(
+    help="Look at a height field, make one, or change its format.\n\nExample: vgonio surface info sample.al3d",
+    rich_markup_mode=None,
+)
+
+File = Annotated[Path, typer.Argument(metavar="FILE", help="Height field of any known format.", show_default=False)]
+Pitch = Annotated[
+    float | None, typer.Option("--pitch-um", help="Overrides the file's pitch.", show_default="the file's")
+]
+HeightUnit = Annotated[
+    str | None, typer.Option("--height-unit", help="Overrides the file's unit of heights: um, nm, m …")
+]
+Interpolation = Annotated[str | None, typer.Option("--interpolation", help="cubic, linear or nearest.")]
+Periodic = Annotated[bool | None, typer.Option("--periodic/--not-periodic", help="Does the field continue by itself?")]
+
+
+@app.command()
+def info(
+    file: File,
+    pitch_um: Pitch = None,
+    height_unit: HeightUnit = None,
+    interpolation: Interpolation = None,
+    periodic: Periodic = None,
+    as_json: Json = False,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Print size, pitch and roughness of a height field.
+
+    Implausible figures are warned about; --pitch-um and --height-unit override what a file says.
+
+    Example: vgonio surface info sample.al3d --pitch-um 0.438
+    """
+    from .. import surface
+
+    field = surface.read(
+        file, pitch_um=pitch_um, height_unit=height_unit, interpolation=interpolation, periodic=periodic
+    )
+    facts: dict[str, Any] = {
+        "file": str(file),
+        "points": f"{field.shape[1]} × {field.shape[0]}",
+        "pitch_um": [field.dx, field.dy],
+        "size_um": [field.size_um[1], field.size_um[0]],
+        "periodic": field.periodic,
+        "interpolation": field.interpolation,
+        "missing": field.missing,
+    }
+    facts |= _parameters(field)
+    if as_json:
+        print_json(facts | {"history": list(field.history)})
+        return
+    rows = [(k, " × ".join(f"{x:g}" for x in v) if isinstance(v, list) else v) for k, v in facts.items()]
+    print_table("", ("quantity", "value"), rows)
+
+
+def _parameters(field: Any) -> dict[str, Any]:
+    """Roughness of the levelled field; missing points are filled for the figures alone."""
+    from .. import surface
+
+    complete = surface.fill(field, "interpolate") if field.missing else field
+    levelled = complete if complete.periodic else surface.level(complete, "plane")
+    return {str(k): v for k, v in surface.parameters(levelled).items()}
+
+
+@app.command()
+def make(
+    kind: Annotated[str, typer.Argument(help="flat, sinusoid, lamellar, blazed, gaussian, power_law or sandblasted.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="Where it goes: .npz, .x3p, .stl, .csv.")
+    ],
+    parameters: Set = None,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Generate a surface.
+
+    The parameters are the generator's, as TOML values.
+
+    Example: vgonio surface make sinusoid --set period_um=2 --set amplitude_um=0.1 -o sinusoid.npz
+    """
+    from .. import surface
+    from ..scene import GENERATORS, check_generator, parse_override
+
+    if kind not in GENERATORS:
+        raise InputError(f"kind {kind!r} is unknown: {nearest(kind, GENERATORS)}")
+    given: dict[str, Any] = {}
+    for text in parameters or ():
+        keys, value = parse_override(text)
+        if len(keys) > 1:
+            raise InputError(f"--set {text!r}: a parameter of {kind} has no dots")
+        given[keys[0]] = value
+    check_generator({"kind": kind, **given})
+    _write(getattr(surface, kind)(**given), output)
+
+
+@app.command()
+def convert(
+    file: File,
+    output: Annotated[
+        Path, typer.Argument(metavar="OUT", help="New file: .npz, .x3p, .stl or .csv.", show_default=False)
+    ],
+    pitch_um: Pitch = None,
+    height_unit: HeightUnit = None,
+    interpolation: Interpolation = None,
+    periodic: Periodic = None,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Convert a height field to another format.
+
+    The ending of OUT says into which.
+
+    Example: vgonio surface convert sample.al3d sample.npz
+    """
+    from .. import surface
+
+    if output.exists() and output.resolve() == file.resolve():
+        raise InputError(f"{output} would overwrite the file that is read")
+    field = surface.read(
+        file, pitch_um=pitch_um, height_unit=height_unit, interpolation=interpolation, periodic=periodic
+    )
+    _write(field, output)
+
+
+def _write(field: Any, output: Path) -> None:
+    from .. import surface
+
+    surface.write(field, output)
+    say(f"{output}: {field!r}")

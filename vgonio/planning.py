@@ -1,0 +1,288 @@
+"""What a scene will do before it is done: every stage with its reason, library and rough cost, and what to be wary of.
+
+Planning reads the surface (and a measured file) but simulates nothing and loads no ray or wave library.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import assembly
+from .errors import InputError
+from .scene import Light, Scene, load_scene
+from .validity import wave_warnings
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from .surface import Heightfield
+
+# endings that vgonio reads by itself; everything else goes through SurfaceTopography
+OWN_FORMATS = (".npz", ".vgms", ".txt", ".asc", ".csv")
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One step: needed or left out, and why; the library it loads and what it costs, roughly."""
+
+    name: str
+    needed: bool
+    why: str
+    library: str = ""
+    cost: str = ""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The stages of a scene in order, and warnings about where its numbers should not be trusted."""
+
+    title: str
+    stages: tuple[Stage, ...]
+    warnings: tuple[str, ...] = ()
+
+    def needs(self, name: str) -> bool:
+        """Is the stage of that name done? False as well for a stage that is not in the plan."""
+        return any(s.name == name and s.needed for s in self.stages)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One dictionary a stage: name, needed, why, library, cost."""
+        return [asdict(s) for s in self.stages]
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"title": self.title, "stages": self.rows(), "warnings": list(self.warnings)}
+
+    def to_json(self) -> str:
+        return json.dumps(self.to_dict(), ensure_ascii=False)
+
+    def __str__(self) -> str:
+        cells = [("", "stage", "library", "cost", "why")]
+        cells += [("+" if s.needed else "-", s.name, s.library, s.cost, s.why) for s in self.stages]
+        widths = [max(len(row[i]) for row in cells) for i in range(4)]
+        lines = [f"Plan of {self.title}   (+ is done, - is left out)"]
+        lines += ["  ".join([*(c.ljust(w) for c, w in zip(row, widths)), row[4]]).rstrip() for row in cells]
+        return "\n".join([*lines, *(f"warning: {w}" for w in self.warnings)])
+
+
+def plan(scene: str | os.PathLike[str] | Mapping[str, Any] | Scene, overrides: Iterable[str] = ()) -> Plan:
+    """The plan of a scene: what is done, left out and why, rough costs, warnings. Nothing is simulated.
+
+    Raises what `simulate` would raise for bad input: InputError, FileFormatError, MaterialError.
+    """
+    checked = load_scene(scene, overrides)
+    check_outputs(checked)
+    return plan_of(checked, assembly.gather(checked))
+
+
+def plan_of(scene: Scene, inputs: assembly.Inputs) -> Plan:
+    """The plan of a checked scene whose inputs were read already."""
+    stages = [
+        *_surface_stages(scene, inputs.source),
+        *_ray_stages(scene, inputs.surface),
+        *_wave_stages(scene, inputs.surface),
+        *_verdict_stages(scene),
+        *_output_stages(scene),
+    ]
+    return Plan(scene.name, tuple(stages), tuple(_warnings(scene, inputs)))
+
+
+# ---- stages
+def _left_out(names: Iterable[str], why: str) -> list[Stage]:
+    return [Stage(name, False, why) for name in names]
+
+
+def _surface_stages(scene: Scene, source: Heightfield | None) -> list[Stage]:
+    if scene.surface is None or source is None:
+        return _left_out(("read surface", "generate surface"), "the scene has no [surface]")
+    asked, (ny, nx) = scene.surface, source.shape
+    size = f"{nx} × {ny} points, {source.size_um[1]:g} × {source.size_um[0]:g} µm"
+    if asked.file is not None:
+        path = Path(asked.file)
+        library = "numpy" if path.suffix.lower() in OWN_FORMATS else "SurfaceTopography"
+        first = Stage("read surface", True, path.name, library, size)
+    else:
+        first = Stage("generate surface", True, f"kind {asked.generate['kind']!r}, no file", "numpy", size)  # type: ignore[index]
+    level = assembly.levelling(scene, source)
+    wanted = asked.filter is not None and (asked.filter.s_um or asked.filter.l_um)
+    cut_offs = ", ".join(f"{k} = {v:g} µm" for k, v in (asked.filter or {}) if v) if wanted else ""
+    unlevelled = 'level = "none"' if asked.level else "periodic and generated surfaces are level as they are"
+    return [
+        first,
+        Stage("crop", asked.crop_um is not None, f"crop_um = {asked.crop_um}" if asked.crop_um else "no crop_um"),
+        Stage(
+            "fill", source.missing > 0, f"{source.missing} missing points" if source.missing else "no point is missing"
+        ),
+        Stage("level", level != "none", f"{level} removed" if level != "none" else unlevelled),
+        Stage(
+            "filter",
+            bool(wanted),
+            f"ISO 16610 Gaussian, {cut_offs}" if wanted else "no filter asked for",
+            "scipy" if wanted else "",
+        ),
+    ]
+
+
+def _ray_stages(scene: Scene, surface: Heightfield | None) -> list[Stage]:
+    if scene.geometric is None or scene.light is None or surface is None:
+        return _left_out(("mesh", "trace"), "the scene has no [geometric]")
+    asked = scene.geometric
+    facets = 2 * surface.shape[0] * surface.shape[1]
+    angles = len(scene.light.theta_i_deg)
+    cap = f", at most (tol = {asked.tol:g})" if asked.tol else ""
+    # 24 B a vertex in double precision, 12 B of indices and about 100 B of Embree's hierarchy a facet
+    memory = facets * (12 + 12 + 100) / 1e6
+    return [
+        Stage("mesh", True, "facets for the rays", "numpy", f"{facets:.2g} facets, {memory:.0f} MB"),
+        Stage(
+            "trace",
+            True,
+            "one trace serves all wavelengths",
+            "embreex",
+            f"{asked.rays * angles:.2g} rays: {asked.rays:.2g} × {angles} angles{cap}",
+        ),
+    ]
+
+
+def _wave_stages(scene: Scene, surface: Heightfield | None) -> list[Stage]:
+    if scene.wave is None or scene.light is None or surface is None:
+        return _left_out(("interpolate", "transform"), "the scene has no [wave]")
+    light = scene.light
+    count = len(light.theta_i_deg) * len(light.wavelength_nm) * detector_elements(scene) * len(scene.wave.theory)
+    windows = 1 if surface.period_um and surface.is_profile else coherence_windows(surface, light.coherence_um)
+    library = {"opencl": "pyopencl", "nufft": "finufft", "reference": "numpy"}.get(
+        scene.wave.method, "finufft or pyopencl"
+    )
+    refined = refinement(surface, light.wavelength_nm)
+    return [
+        Stage(
+            "interpolate",
+            True,
+            f"the {surface.interpolation} surface between its samples",
+            "scipy",
+            f"about {refined} points per sample and axis",
+        ),
+        Stage(
+            "transform",
+            True,
+            ", ".join(scene.wave.theory) + f", method {scene.wave.method!r}, tol = {scene.wave.tol:g}",
+            library,
+            f"{count:.2g} directions × wavelengths, about {windows} coherence windows",
+        ),
+    ]
+
+
+def _verdict_stages(scene: Scene) -> list[Stage]:
+    results = result_groups(scene)
+    file = scene.measured.file if scene.measured is not None else ""
+    measured = Stage(
+        "measured", bool(file), Path(file).name if file else "the scene has no [measured]", "json" if file else ""
+    )
+    if len(results) < 2:
+        why = f"only one result ({results[0]}): nothing to compare with" if results else "no result to compare"
+        return [measured, *_left_out(("compare", "colour"), why)]
+    why = " with ".join(results) if len(results) == 2 else ", ".join(results) + " with each other"
+    return [
+        measured,
+        Stage("compare", True, why, "scipy", f"{len(results) * (len(results) - 1) // 2} pairs"),
+        Stage("colour", True, "ΔE₀₀ and RGB of each result", "colour-science"),
+    ]
+
+
+def _output_stages(scene: Scene) -> list[Stage]:
+    file, page = scene.output.file, scene.output.report
+    return [
+        Stage("save", bool(file), str(file) if file else "no output.file", "h5netcdf" if file else ""),
+        Stage("report", bool(page), str(page) if page else "no output.report", "matplotlib, jinja2" if page else ""),
+    ]
+
+
+def result_groups(scene: Scene) -> list[str]:
+    """Names of the groups that hold a BRDF, in order: rays, waves …, measured."""
+    rays = ["rays"] if scene.geometric is not None else []
+    return rays + list(assembly.wave_groups(scene)) + (["measured"] if scene.measured is not None else [])
+
+
+# ---- sizes
+def detector_elements(scene: Scene) -> int:
+    """Number of detector cones or cells."""
+    from .directions import Detector
+
+    asked = scene.detector
+    if asked is None:
+        return 0
+    if asked.theta_o_deg is not None:
+        return len(asked.theta_o_deg)
+    return len(Detector.hemisphere(5.0 if asked.resolution_deg is None else asked.resolution_deg))
+
+
+def coherence_windows(surface: Heightfield, coherence_um: float) -> int:
+    """How many independent windows exp(−r²/2ℓ²) fit: area over ∫ |w|² = πℓ² doubled, at least one."""
+    return max(1, round(surface.area_um2 / (2 * np.pi * coherence_um**2)))
+
+
+def refinement(surface: Heightfield, wavelength_nm: list[float]) -> int:
+    """Points per sample and axis for at most half a cycle of phase between points on the steepest RMS slope."""
+    k = 2 * np.pi / (min(wavelength_nm) * 1e-3)
+    return max(1, int(np.ceil(2 * k * max(surface.pitch_um) * (1 + rms_slope(surface)) / np.pi)))
+
+
+def rms_slope(surface: Heightfield) -> float:
+    """One-axis RMS slope from differences of neighbours, the larger of both axes."""
+    slopes = [np.diff(surface.z, axis=a) / p for a, p in enumerate(surface.pitch_um) if surface.shape[a] > 1]
+    return max((float(np.sqrt(np.mean(s**2))) for s in slopes), default=0.0)
+
+
+# ---- checks and warnings
+def check_outputs(scene: Scene) -> None:
+    """Raise InputError for an output that could not be written, or that would overwrite an input."""
+    for name, endings in ((scene.output.file, (".nc", ".nc4", ".h5")), (scene.output.report, (".html", ".htm"))):
+        if name is not None:
+            check_output(scene.resolve(name), endings, scene.inputs)
+
+
+def check_output(path: Path, endings: tuple[str, ...], inputs: Iterable[Path] = ()) -> None:
+    """Raise InputError unless `path` has one of the endings and its folder is, or can be made, writable."""
+    if path.suffix.lower() not in endings:
+        raise InputError(f"output {path.name!r}: the name has to end in {' or '.join(endings)}")
+    if path.is_dir():
+        raise InputError(f"output {path} is a folder")
+    if any(path.resolve() == other.resolve() for other in inputs):
+        raise InputError(f"output {path} would overwrite an input of the scene")
+    folder = next(p for p in path.resolve().parents if p.exists())
+    if not folder.is_dir() or not os.access(folder, os.W_OK):
+        raise InputError(f"output {path} cannot be written: {folder} is not a writable folder")
+
+
+def _warnings(scene: Scene, inputs: assembly.Inputs) -> list[str]:
+    found: list[str] = []
+    if inputs.surface is not None and scene.wave is not None:
+        found += wave_warnings(inputs.surface, scene.wave.theory, scene.light, _largest_theta_o(scene))
+    if inputs.measured is not None and scene.light is not None:
+        found += _measured_warnings(inputs.measured, scene.light)
+    return found
+
+
+def _largest_theta_o(scene: Scene) -> float:
+    asked = scene.detector
+    if asked is None:
+        return 0.0
+    return 90.0 if asked.theta_o_deg is None else float(np.max(np.abs(asked.theta_o_deg)))
+
+
+def _measured_warnings(data: xr.Dataset, light: Light) -> list[str]:
+    found = []
+    for name, asked, unit in (("theta_i", light.theta_i_deg, "°"), ("wavelength", light.wavelength_nm, " nm")):
+        have = np.asarray(data[name], float)
+        outside = [a for a in asked if not have.min() - 1e-6 <= a <= have.max() + 1e-6]
+        if outside:
+            found.append(
+                f"{name} of the measured file goes from {have.min():g} to {have.max():g}{unit}: "
+                f"{len(outside)} of {len(asked)} values of the scene are outside and cannot be compared"
+            )
+    return found

@@ -1,0 +1,187 @@
+"""A scene becomes a result: its plan is followed, and what the plan leaves out is not even loaded."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from . import assembly
+from .dataset import versions
+from .errors import InputError
+from .planning import Plan, check_output, check_outputs, plan_of
+from .scene import Scene, load_scene
+
+# progress(part, fraction done)
+Progress = Callable[[str, float], None]
+
+
+def simulate(
+    scene: str | os.PathLike[str] | Mapping[str, Any] | Scene,
+    overrides: Iterable[str] = (),
+    progress: Progress | None = None,
+    output: str | os.PathLike[str] | None = None,
+    report: str | os.PathLike[str] | None = None,
+) -> xr.DataTree:
+    """Simulate a scene (TOML file, dictionary or Scene) and return its result.
+
+    overrides : "table.key=value", as --set of the command line;  progress : called as progress(part, fraction)
+    output, report : where to write, relative to the working directory, instead of the scene's own [output]
+
+    The tree has the groups that were made: surface, rays, waves (waves_<theory> for further theories), measured,
+    comparison; its attributes hold the scene, the plan, the provenance and the seconds of each part as JSON.
+    When interrupted, the groups that are complete are kept in <output>.partial.nc and KeyboardInterrupt goes on.
+
+    Raises InputError, FileFormatError or MaterialError for bad input, before any work is done.
+    """
+    checked = load_scene(scene, overrides)
+    check_outputs(checked)
+    result_path = _destination(output, checked.output.file, checked, (".nc", ".nc4", ".h5"))
+    page_path = _destination(report, checked.output.report, checked, (".html", ".htm"))
+    run = _Run(progress)
+    with run.part("surface"):
+        inputs = assembly.gather(checked)
+    plan = plan_of(checked, inputs)
+    tree = xr.DataTree(name=checked.name)
+    tree.attrs = {
+        "title": checked.name,
+        "scene": checked.to_json(),
+        "plan": plan.to_json(),
+        "provenance": provenance(checked),
+    }
+    try:
+        for name, data in _groups(checked, plan, inputs, run):
+            tree[name] = xr.DataTree(data)
+    except KeyboardInterrupt as interrupt:
+        _keep_finished(tree, run, result_path, interrupt)
+        raise
+    tree.attrs["seconds"] = json.dumps(run.seconds)
+    _write(tree, result_path, page_path, run)
+    return tree
+
+
+class _Run:
+    """Seconds and progress of the parts of one simulation."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self.seconds: dict[str, float] = {}
+        self.report = progress
+
+    @contextmanager
+    def part(self, name: str) -> Iterator[assembly.Progress | None]:
+        """Time a part; gives the solver's callback, which takes the fraction done alone."""
+        begin = time.perf_counter()
+        if self.report is not None:
+            self.report(name, 0.0)
+        yield (lambda fraction: self.report(name, fraction)) if self.report is not None else None  # type: ignore[misc]
+        self.seconds[name] = round(time.perf_counter() - begin, 3)
+        if self.report is not None:
+            self.report(name, 1.0)
+
+
+def _groups(scene: Scene, plan: Plan, inputs: assembly.Inputs, run: _Run) -> Iterator[tuple[str, xr.Dataset]]:
+    """The groups of the result, each as soon as it is complete."""
+    if inputs.surface is not None:
+        from .measure.surface_summary import surface_dataset
+
+        with run.part("surface summary"):
+            summary = surface_dataset(inputs.surface)
+        yield "surface", summary
+    results: dict[str, xr.Dataset] = {}
+    for name, data in _results(scene, plan, inputs, run):
+        results[name] = data
+        yield name, data
+    if plan.needs("compare"):
+        from .compare import compare
+
+        with run.part("comparison"):
+            comparison = compare(results, material=inputs.material)
+        yield "comparison", comparison
+
+
+def _results(scene: Scene, plan: Plan, inputs: assembly.Inputs, run: _Run) -> Iterator[tuple[str, xr.Dataset]]:
+    """The groups that hold a BRDF."""
+    surface = inputs.surface
+    if surface is not None and plan.needs("trace"):
+        with run.part("rays") as callback:
+            data = assembly.gonioreflectometer(scene).measure(surface, assembly.rays(scene, callback))
+        yield "rays", data
+    for name, theory in assembly.wave_groups(scene).items() if surface is not None else ():
+        with run.part(name) as callback:
+            data = assembly.gonioreflectometer(scene).measure(surface, assembly.waves(scene, theory, callback))
+        yield name, data
+    if inputs.measured is not None:
+        yield "measured", inputs.measured
+
+
+# ---- writing
+def _destination(
+    asked: str | os.PathLike[str] | None, named: str | None, scene: Scene, endings: tuple[str, ...]
+) -> Path | None:
+    if asked is not None:
+        check_output(Path(asked), endings, scene.inputs)
+        return Path(asked)
+    return scene.resolve(named) if named is not None else None
+
+
+def _write(tree: xr.DataTree, result_path: Path | None, page_path: Path | None, run: _Run) -> None:
+    if result_path is not None:
+        from .measure.storage import save
+
+        with run.part("save"):
+            result_path.parent.mkdir(parents=True, exist_ok=True)
+            save(tree, result_path)
+    if page_path is not None:
+        from .report import page
+
+        with run.part("report"):
+            page_path.parent.mkdir(parents=True, exist_ok=True)
+            page(tree, page_path)
+    tree.attrs["seconds"] = json.dumps(run.seconds)
+
+
+def _keep_finished(tree: xr.DataTree, run: _Run, path: Path | None, interrupt: KeyboardInterrupt) -> None:
+    """Save the complete groups under another name: a result of the full name is always complete."""
+    finished = [name for name in tree.children if name != "surface"]
+    if path is None or not finished:
+        interrupt.add_note("nothing was finished, nothing is kept")
+        return
+    from .measure.storage import save
+
+    partial = path.with_name(f"{path.stem}.partial{path.suffix}")
+    tree.attrs |= {"seconds": json.dumps(run.seconds), "interrupted": "yes: groups that were not finished are absent"}
+    partial.parent.mkdir(parents=True, exist_ok=True)
+    save(tree, partial)
+    interrupt.add_note(f"finished parts ({', '.join(finished)}) are kept in {partial}")
+
+
+# ---- provenance
+def provenance(scene: Scene) -> str:
+    """Who made the numbers: versions, platform, processors, date, and the inputs' SHA-256, as JSON."""
+    return json.dumps(
+        {
+            "versions": json.loads(versions()),
+            "platform": platform.platform(),
+            "processor": platform.machine(),
+            "cpu_count": os.cpu_count(),
+            "date": datetime.now(UTC).isoformat(timespec="seconds"),
+            "inputs": {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in scene.inputs},
+        }
+    )
+
+
+def simulated(tree: xr.DataTree) -> dict[str, xr.Dataset]:
+    """The groups of a result that hold a BRDF, by name; InputError if there is none."""
+    found = {str(name): node.to_dataset() for name, node in tree.children.items() if "brdf" in node.data_vars}
+    if not found:
+        raise InputError("the result has no group with a BRDF (rays, waves, measured)")
+    return found

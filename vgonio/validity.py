@@ -1,0 +1,130 @@
+"""Where the scalar wave theories should not be trusted: figures of the surface against criteria from the literature."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from .surface import Heightfield
+
+Floats = NDArray[np.float64]
+
+STEEP_DEG = 30.0  # a facet steeper than this throws normally incident light onto a neighbour of the same slope
+STEEP_SHARE = 0.01
+SMITH_LIMIT = 1.6  # Walter et al. 2007: masking is negligible for 1/(α tan θ) ≥ 1.6
+CURVATURE_FACTOR = 10.0  # "much larger" of Beckmann and Spizzichino 1963: 4π r cos θ ≫ λ
+FEW_WINDOWS = 10
+
+
+def gradients(surface: Heightfield) -> tuple[Floats, Floats]:
+    """∂z/∂y and ∂z/∂x from differences of neighbours, both (ny − 1, nx − 1); profiles count as flat across."""
+    z = surface.z
+    if min(z.shape) < 2:
+        z = np.vstack([z, z]) if z.shape[0] < 2 else np.hstack([z, z])
+    gy = np.diff(z, axis=0)[:, :-1] / surface.dy
+    gx = np.diff(z, axis=1)[:-1] / surface.dx
+    return gy, gx
+
+
+def alpha(surface: Heightfield) -> float:
+    """Beckmann's slope α = √2 · one-axis RMS slope."""
+    gy, gx = gradients(surface)
+    return float(np.sqrt(np.mean(gy**2) + np.mean(gx**2)))
+
+
+def steep_share(surface: Heightfield) -> float:
+    """Share of the projected area that is steeper than STEEP_DEG."""
+    gy, gx = gradients(surface)
+    return float(np.mean(np.hypot(gy, gx) > np.tan(np.deg2rad(STEEP_DEG))))
+
+
+def curvature_radius_um(surface: Heightfield) -> float:
+    """One over the RMS curvature along the axes, µm; infinite for planes."""
+    second = [np.diff(surface.z, 2, axis=a) / p**2 for a, p in enumerate(surface.pitch_um) if surface.shape[a] > 2]
+    rms = max((float(np.sqrt(np.mean(c**2))) for c in second), default=0.0)
+    return 1 / rms if rms > 0 else np.inf
+
+
+def wave_warnings(surface: Heightfield, theories: list[str], light: Any, largest_theta_o: float) -> list[str]:
+    """One line for every criterion that the surface, the angles or the coherence length fail."""
+    angles = max(float(np.max(np.abs(light.theta_i_deg))), largest_theta_o)
+    found = [
+        *_steep(surface),
+        *_grazing(surface, angles),
+        *_curved(surface, float(np.max(np.abs(light.theta_i_deg))), max(light.wavelength_nm)),
+        *_unresolved(surface, light, largest_theta_o),
+        *_coherence(surface, light.coherence_um),
+    ]
+    if "harvey-shack" in theories:
+        factor = 2 / (2 * np.cos(np.deg2rad(min(angles, 89.0))))
+        if factor > 1.2:
+            found.append(
+                f"harvey-shack takes q_z = 2k at every angle, up to {factor:.1f} times the phase of the other theories "
+                f"at {angles:g}°: trust it near the normal only"
+            )
+    return found
+
+
+def _steep(surface: Heightfield) -> list[str]:
+    share = steep_share(surface)
+    if share <= STEEP_SHARE or surface.interpolation == "nearest":
+        return []
+    return [
+        f"{share:.1%} of the surface is steeper than {STEEP_DEG:g}° and reflects light onto its neighbours: "
+        "the wave theories hold single reflections only, compare with the rays' higher bounces"
+    ]
+
+
+def _grazing(surface: Heightfield, largest: float) -> list[str]:
+    a = alpha(surface)
+    limit = float(np.rad2deg(np.arctan(1 / (SMITH_LIMIT * a)))) if a > 0 else 90.0
+    if largest <= limit or surface.interpolation == "nearest":
+        return []
+    return [
+        f"shadowing matters beyond {limit:.0f}° (slope α = {a:.3g}; Smith 1967) and is not in the wave theories: "
+        f"angles up to {largest:g}° were asked for, expect too much light there"
+    ]
+
+
+def _curved(surface: Heightfield, largest_theta_i: float, wavelength_nm: float) -> list[str]:
+    radius = curvature_radius_um(surface)
+    reach = 4 * np.pi * radius * np.cos(np.deg2rad(largest_theta_i))
+    if reach >= CURVATURE_FACTOR * wavelength_nm * 1e-3 or surface.interpolation == "nearest":
+        return []
+    return [
+        f"RMS radius of curvature {radius:.2g} µm is small for the tangent plane at θ_i = {largest_theta_i:g}° and "
+        f"{wavelength_nm:g} nm: 4π r cos θ should be well above λ (Beckmann and Spizzichino 1963)"
+    ]
+
+
+def _unresolved(surface: Heightfield, light: Any, largest_theta_o: float) -> list[str]:
+    """A smooth surface scatters by its spectral density at q; beyond the samples' it is the interpolant's."""
+    shortest = min(light.wavelength_nm) * 1e-3
+    smooth = 4 * np.pi * float(np.std(surface.z)) < shortest
+    reach = np.sin(np.deg2rad(largest_theta_o)) + np.max(np.abs(np.sin(np.deg2rad(light.theta_i_deg))))
+    resolved = shortest / (2 * max(surface.pitch_um))
+    grating = surface.periodic and surface.is_profile
+    if not smooth or reach <= resolved or grating or np.ptp(surface.z) == 0:
+        return []
+    return [
+        f"roughness finer than {2 * max(surface.pitch_um):g} µm is not in the samples: beyond "
+        f"|sin θ_i + sin θ_o| = {resolved:.2g} (at {shortest * 1e3:g} nm) the scatter is the interpolant's"
+    ]
+
+
+def _coherence(surface: Heightfield, coherence_um: float) -> list[str]:
+    if surface.is_profile:
+        return []
+    side = min(surface.size_um)
+    if not surface.periodic and 6 * coherence_um > side:
+        return [
+            f"the coherence window (ℓ = {coherence_um:g} µm, 3ℓ to each side) is larger than the sample's {side:g} µm: "
+            "it is cut, choose a smaller coherence_um or a larger sample"
+        ]
+    count = surface.area_um2 / (2 * np.pi * coherence_um**2)
+    if count < FEW_WINDOWS:
+        return [f"only about {count:.0f} independent coherence windows fit on the sample: expect speckle"]
+    return []
