@@ -1,0 +1,66 @@
+"""What an import shows, and the warnings about what no microscope would deliver."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+from ..errors import VgonioWarning
+from .heightfield import Heightfield
+
+# limits outside which a unit was probably misread: optical topography of scattering surfaces
+PITCH_UM = (1e-3, 100.0)
+SIDE_UM = (1.0, 20_000.0)
+SQ_UM = (1e-5, 200.0)
+RMS_SLOPE = 3.0
+
+
+def describe_import(surface: Heightfield) -> str:
+    """One line with points, pitch, size, Sq and missing points, as shown after reading a file."""
+    ny, nx = surface.shape
+    ly, lx = surface.size_um
+    missing = f", {surface.missing / surface.z.size:.2%} missing" if surface.missing else ""
+    return (
+        f"{surface.name or 'surface'}: {nx} × {ny} points, pitch {surface.dx:.4g} × {surface.dy:.4g} µm, "
+        f"size {lx:.4g} × {ly:.4g} µm, Sq {np.nanstd(surface.z):.4g} µm{missing}"
+    )
+
+
+def implausible(surface: Heightfield) -> list[str]:
+    """What is implausible about pitch, size, Sq and slope, in words; empty when nothing is."""
+    sq = float(np.nanstd(surface.z))
+    found = []
+    for pitch in dict.fromkeys(surface.pitch_um):
+        if not PITCH_UM[0] <= pitch <= PITCH_UM[1]:
+            found.append(f"a pitch of {pitch:.4g} µm (expected {PITCH_UM[0]:g} to {PITCH_UM[1]:g} µm)")
+    for side, n in dict.fromkeys(zip(surface.size_um, surface.shape)):
+        if n > 1 and not SIDE_UM[0] <= side <= SIDE_UM[1]:
+            found.append(f"a side of {side:.4g} µm (expected {SIDE_UM[0]:g} to {SIDE_UM[1]:g} µm)")
+    if sq and not SQ_UM[0] <= sq <= SQ_UM[1]:
+        found.append(f"Sq of {sq:.4g} µm (expected {SQ_UM[0]:g} to {SQ_UM[1]:g} µm)")
+    slope = rms_step_slope(surface)
+    if slope > RMS_SLOPE:
+        found.append(f"an RMS slope of {slope:.3g} between neighbours (expected below {RMS_SLOPE:g})")
+    return found
+
+
+def rms_step_slope(surface: Heightfield) -> float:
+    """RMS of the height steps between neighbours over the pitch, the steeper axis; missing points left out."""
+    steepest = 0.0
+    for axis, pitch in enumerate(surface.pitch_um):
+        steps = np.diff(surface.z, axis=axis)
+        valid = steps[np.isfinite(steps)]
+        if valid.size:
+            steepest = max(steepest, float(np.sqrt(np.mean(valid**2))) / pitch)
+    return steepest
+
+
+def warn_implausible(surface: Heightfield) -> None:
+    found = implausible(surface)
+    if found:
+        warnings.warn(
+            f"{surface.name or 'surface'} has {'; '.join(found)}: if a unit was misread, give pitch_um or height_unit",
+            VgonioWarning,
+            stacklevel=3,
+        )

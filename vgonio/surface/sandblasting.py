@@ -1,0 +1,166 @@
+"""Sandblasting: the spherical cavities that glass beads leave, one impact after the other.
+
+Each bead indents the surface that it finds. With a constant indentation pressure p the kinetic energy of the bead is
+p times the volume of the cavity, so that depth = v·R·√(2ρ/3p): the depth grows with the bead radius R and its speed v,
+and a/R, which sets the slopes, depends on the speed alone (Johnson, *Contact Mechanics*, 1985, section 11.4). Displaced
+metal is not piled up around the cavity: the model is meant for coverages up to about ten.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InputError
+from .heightfield import Heightfield, pitch_pair
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Impacts:
+    """Where beads hit and what they leave: arrays (n,) of x, y, bead radius and cavity depth in µm, in time order."""
+
+    x: Floats
+    y: Floats
+    radius: Floats
+    depth: Floats
+
+
+def sandblasted(
+    shape: tuple[int, int] = (512, 512),
+    pitch_um: float | ArrayLike = 0.625,
+    bead_diameter_um: tuple[float, float] = (70.0, 100.0),
+    depth_um: float = 3.0,
+    depth_spread: float = 0.2,
+    coverage: float = 3.0,
+    resolution_um: float | None = None,
+    base: Heightfield | None = None,
+    seed: int = 0,
+) -> Heightfield:
+    """Random spherical cavities of glass beads, periodic; the defaults resemble strongly blasted aluminium.
+
+    bead_diameter_um : smallest and largest bead, equally likely between
+    depth_um : depth of the cavity of the mean bead at the mean speed, below the mean surface under its footprint
+    depth_spread : relative standard deviation of the bead speed (log-normal), hence of the depth
+    coverage : number of cavities above a point on average; exp(−coverage) of the base stays untouched
+    resolution_um : full width at half maximum of the Gaussian by which a microscope blurs the ridges (default: the
+        larger pitch; 0 for none)
+    base : a periodic surface to blast instead of a flat one; gives shape and pitch
+
+    Raises InputError for impossible beads, depths or coverages.
+    """
+    if base is not None:
+        shape, pitch_um = base.shape, base.pitch_um
+        base.require_complete()
+    pitch = pitch_pair(pitch_um)
+    blur = max(pitch) if resolution_um is None else float(resolution_um)
+    _check(bead_diameter_um, depth_um, depth_spread, coverage, blur)
+    start = Heightfield(np.zeros(shape) if base is None else base.z, pitch, periodic=True)
+    hits = impacts(start.size_um, bead_diameter_um, depth_um, depth_spread, coverage, seed)
+    z = blurred(stamped(start.z, pitch, hits), pitch, blur)
+    step = (
+        f"generated: sandblasted, {hits.x.size} cavities of beads {bead_diameter_um[0]:g} to {bead_diameter_um[1]:g} µm, "
+        f"depth {depth_um:.6g} µm ± {depth_spread:.0%}, coverage {coverage:.6g}, resolution {blur:g} µm, seed {seed}"
+    )
+    history = (*(base.history if base is not None else ()), step)
+    return Heightfield(z - z.mean(), pitch, periodic=True, name="sandblasted", history=history)
+
+
+def impacts(
+    size_um: tuple[float, float],
+    bead_diameter_um: tuple[float, float],
+    depth_um: float,
+    depth_spread: float,
+    coverage: float,
+    seed: int,
+) -> Impacts:
+    """Independent impacts, as many as give `coverage` for cavities of the mean bead at the mean speed."""
+    ly, lx = size_um
+    low, high = (d / 2 for d in bead_diameter_um)
+    mean_radius = (low + high) / 2
+    count = int(round(coverage * ly * lx / (np.pi * (2 * mean_radius * depth_um - depth_um**2))))
+    rng = np.random.default_rng(seed)
+    # one row an impact: more impacts of one seed continue the same sequence
+    draw = rng.random((count, 4))
+    radius = low + (high - low) * draw[:, 2]
+    width = np.sqrt(np.log1p(depth_spread**2))
+    speed = np.exp(width * _standard_normal(draw[:, 3]) - width**2 / 2)
+    depth = np.minimum(depth_um * radius / mean_radius * speed, radius)
+    return Impacts(draw[:, 0] * lx, draw[:, 1] * ly, radius, depth)
+
+
+def stamped(z: Floats, pitch: tuple[float, float], hits: Impacts) -> Floats:
+    """(ny, nx) heights after all impacts in turn on the periodic field z.
+
+    Each bead goes `depth` below the mean height under its footprint and takes away what it meets, on its whole lower
+    half: so the surface stays continuous.
+    """
+    z = z.copy()
+    top = z.max()
+    for i, (x, y, radius, depth) in enumerate(zip(hits.x, hits.y, hits.radius, hits.depth)):
+        if i % 256 == 0:
+            top = z.max()
+        window, r2 = _window(z.shape, pitch, x, y, np.sqrt(2 * radius * depth - depth**2))
+        under = z[window]
+        foot = r2 <= 2 * radius * depth - depth**2
+        bottom = (under[foot].mean() if foot.any() else under.mean()) - depth
+        rise = min(top - bottom, radius)  # no point above this is met by the bead
+        window, r2 = _window(z.shape, pitch, x, y, np.sqrt(rise * (2 * radius - rise)))
+        bead = np.where(r2 < radius**2, bottom + radius - np.sqrt(np.maximum(radius**2 - r2, 0.0)), np.inf)
+        z[window] = np.minimum(z[window], bead)
+    return z
+
+
+def blurred(z: Floats, pitch: tuple[float, float], width_um: float) -> Floats:
+    """Periodic convolution with a Gaussian of full width at half maximum `width_um`."""
+    if width_um == 0:
+        return z
+    f2 = np.fft.fftfreq(z.shape[0], pitch[0])[:, None] ** 2 + np.fft.rfftfreq(z.shape[1], pitch[1])[None] ** 2
+    transfer = np.exp(-f2 * (np.pi * width_um) ** 2 / (4 * np.log(2)))
+    return np.fft.irfft2(np.fft.rfft2(z) * transfer, s=z.shape)
+
+
+def _window(shape: tuple[int, ...], pitch: tuple[float, float], x: float, y: float, reach: float):
+    """Index of the samples within a square of half side `reach` around (x, y), wrapped, and their squared distance."""
+    index, square = [], []
+    for n, h, c in zip(shape, pitch, (y, x)):
+        # at most one turn: a bead wider than the field would otherwise write a sample twice
+        first, last = int(np.floor((c - reach) / h)), int(np.ceil((c + reach) / h))
+        if last - first + 1 > n:
+            first = int(np.floor(c / h)) - n // 2
+            last = first + n - 1
+        i = np.arange(first, last + 1)
+        square.append(((i + 0.5) * h - c) ** 2)
+        index.append(slice(first, last + 1) if first >= 0 and last < n else i % n)
+    if all(isinstance(i, slice) for i in index):
+        where = (index[0], index[1])
+    else:
+        where = np.ix_(*(np.arange(n)[i] for i, n in zip(index, shape)))
+    return where, square[0][:, None] + square[1][None]
+
+
+def _standard_normal(uniform: Floats) -> Floats:
+    from scipy.special import ndtri
+
+    return ndtri(np.clip(uniform, 1e-12, 1 - 1e-12))
+
+
+def _check(
+    bead_diameter_um: tuple[float, float], depth_um: float, depth_spread: float, coverage: float, blur: float
+) -> None:
+    beads = np.asarray(bead_diameter_um, dtype=float)
+    if beads.shape != (2,) or not 0 < beads[0] <= beads[1] < np.inf:
+        raise InputError(f"bead_diameter_um = {bead_diameter_um!r}: (smallest, largest), both positive, in µm")
+    if not 0 < depth_um <= beads.mean() / 2:
+        raise InputError(
+            f"depth_um = {depth_um!r}: positive and at most the mean bead radius, {beads.mean() / 2:g} µm"
+        )
+    if not 0 <= depth_spread <= 1:
+        raise InputError(f"depth_spread = {depth_spread!r}: a relative standard deviation from 0 to 1")
+    if not 0 < coverage <= 100:
+        raise InputError(f"coverage = {coverage!r}: cavities above a point, above 0 and at most 100")
+    if not 0 <= blur < np.inf:
+        raise InputError(f"resolution_um = {blur!r}: zero or a positive width in µm")
