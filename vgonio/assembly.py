@@ -88,7 +88,7 @@ def gonioreflectometer(scene: Scene) -> Gonioreflectometer:
     from .measure import Gonioreflectometer
 
     light, detector = _required(scene.light, "light"), _required(scene.detector, "detector")
-    source = {
+    source: dict[str, Any] = {
         "theta_i_deg": light.theta_i_deg,
         "phi_i_deg": light.phi_i_deg,
         "coherence_um": light.coherence_um,
@@ -96,7 +96,9 @@ def gonioreflectometer(scene: Scene) -> Gonioreflectometer:
         "polarisation": light.polarisation,
     }
     if detector.kind == "hemisphere":
-        resolution = {} if detector.resolution_deg is None else {"resolution_deg": detector.resolution_deg}
+        resolution: dict[str, float] = (
+            {} if detector.resolution_deg is None else {"resolution_deg": detector.resolution_deg}
+        )
         return Gonioreflectometer.hemisphere(**source, **resolution)
     return Gonioreflectometer(theta_o_deg=detector.theta_o_deg, aperture_deg=detector.aperture_deg, **source)
 
@@ -107,7 +109,7 @@ def rays(scene: Scene, progress: Progress | None = None) -> Any:
     from .geometric import RayOptics
 
     asked, light = _required(scene.geometric, "geometric"), _required(scene.light, "light")
-    given = {} if asked.max_bounces is None else {"max_bounces": asked.max_bounces}
+    given: dict[str, Any] = {} if asked.max_bounces is None else {"max_bounces": asked.max_bounces}
     return RayOptics(
         material=scene_material(scene),
         wavelength_nm=light.wavelength_nm,
@@ -125,7 +127,7 @@ def waves(scene: Scene, theory: str, progress: Progress | None = None) -> Any:
     from .wave import Kirchhoff
 
     asked, light = _required(scene.wave, "wave"), _required(scene.light, "light")
-    given = {} if progress is None else {"progress": progress}
+    given: dict[str, Any] = {} if progress is None else {"progress": progress}
     return Kirchhoff(
         material=scene_material(scene),
         wavelength_nm=light.wavelength_nm,
@@ -147,7 +149,7 @@ def measured(scene: Scene) -> xr.Dataset:
     from . import measure
 
     asked = _required(scene.measured, "measured")
-    given = {} if asked.format is None else {"format": asked.format}
+    given: dict[str, Any] = {} if asked.format is None else {"format": asked.format}
     return measure.read(scene.resolve(asked.file), **given)
 
 

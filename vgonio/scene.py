@@ -304,7 +304,7 @@ class Scene(Table):
 
     def resolve(self, name: str) -> Path:
         """Path of a file that the scene names."""
-        return self._folder / Path(name).expanduser()
+        return Path(os.path.normpath(self._folder / Path(name).expanduser()))
 
     @property
     def inputs(self) -> list[Path]:

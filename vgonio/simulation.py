@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
@@ -20,6 +20,9 @@ from .dataset import versions
 from .errors import InputError
 from .planning import Plan, check_output, check_outputs, plan_of
 from .scene import Scene, load_scene
+
+if TYPE_CHECKING:
+    from .surface import Heightfield
 
 # progress(part, fraction done)
 Progress = Callable[[str, float], None]
@@ -110,17 +113,21 @@ def _groups(scene: Scene, plan: Plan, inputs: assembly.Inputs, run: _Run) -> Ite
 
 def _results(scene: Scene, plan: Plan, inputs: assembly.Inputs, run: _Run) -> Iterator[tuple[str, xr.Dataset]]:
     """The groups that hold a BRDF."""
-    surface = inputs.surface
-    if surface is not None and plan.needs("trace"):
+    if inputs.surface is not None:
+        yield from _simulated(scene, plan, inputs.surface, run)
+    if inputs.measured is not None:
+        yield "measured", inputs.measured
+
+
+def _simulated(scene: Scene, plan: Plan, surface: Heightfield, run: _Run) -> Iterator[tuple[str, xr.Dataset]]:
+    if plan.needs("trace"):
         with run.part("rays") as callback:
             data = assembly.gonioreflectometer(scene).measure(surface, assembly.rays(scene, callback))
         yield "rays", data
-    for name, theory in assembly.wave_groups(scene).items() if surface is not None else ():
+    for name, theory in assembly.wave_groups(scene).items():
         with run.part(name) as callback:
             data = assembly.gonioreflectometer(scene).measure(surface, assembly.waves(scene, theory, callback))
         yield name, data
-    if inputs.measured is not None:
-        yield "measured", inputs.measured
 
 
 # ---- writing

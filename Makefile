@@ -1,0 +1,52 @@
+# `make demo` and `make test` are all that a newcomer needs: they make .venv themselves.
+VENV ?= .venv
+BIN := $(VENV)/bin
+# the first Python that is new enough and can make a virtual environment
+PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && echo $$p && break; done)
+WORKERS ?= auto
+
+.PHONY: help demo test check format clean
+.DEFAULT_GOAL := help
+
+help:
+	@echo "make demo    simulate examples/demo/scene.toml and write out/demo.html"
+	@echo "make test    run the tests"
+	@echo "make check   lint, formatting, types, import rule"
+	@echo "make format  put the formatting right"
+	@echo "make clean   remove .venv, out and caches"
+
+$(BIN)/python:
+	@test -n "$(PYTHON)" || { echo "vgonio needs Python 3.11 or newer with venv (on Debian: apt install python3-venv)" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+# stamps: the environment is renewed when pyproject.toml is newer than it
+$(VENV)/base.stamp: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(VENV)/dev.stamp: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
+	@touch $@ $(VENV)/base.stamp
+
+demo: $(VENV)/base.stamp
+	@mkdir -p out
+	$(BIN)/vgonio simulate examples/demo/scene.toml -o out/demo.nc --report out/demo.html
+	@echo "Done. Open out/demo.html in a browser; the numbers are in out/demo.nc (vgonio.open, xarray)."
+
+# one thread in each worker: the workers together fill the processors
+test: $(VENV)/dev.stamp
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
+
+check: $(VENV)/dev.stamp
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest -q tests/test_imports.py
+
+format: $(VENV)/dev.stamp
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean:
+	rm -rf $(VENV) out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
