@@ -259,6 +259,15 @@ def check_output(path: Path, endings: tuple[str, ...], inputs: Iterable[Path] = 
         raise InputError(f"output {path} cannot be written: {folder} is not a writable folder")
 
 
+def with_folder(path: Path) -> Path:
+    """The same path, its folder made where it was missing; InputError where it cannot be."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as e:
+        raise InputError(f"cannot make the folder {path.parent}: {e.strerror or e}") from None
+    return path
+
+
 def _warnings(scene: Scene, inputs: assembly.Inputs) -> list[str]:
     found: list[str] = []
     if inputs.surface is not None and scene.wave is not None:

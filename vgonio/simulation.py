@@ -18,7 +18,7 @@ import xarray as xr
 from . import assembly
 from .dataset import versions
 from .errors import InputError
-from .planning import Plan, check_output, check_outputs, plan_of
+from .planning import Plan, check_output, check_outputs, plan_of, with_folder
 from .scene import Scene, load_scene
 
 if TYPE_CHECKING:
@@ -145,14 +145,12 @@ def _write(tree: xr.DataTree, result_path: Path | None, page_path: Path | None, 
         from .measure.storage import save
 
         with run.part("save"):
-            result_path.parent.mkdir(parents=True, exist_ok=True)
-            save(tree, result_path)
+            save(tree, with_folder(result_path))
     if page_path is not None:
         from .report import page
 
         with run.part("report"):
-            page_path.parent.mkdir(parents=True, exist_ok=True)
-            page(tree, page_path)
+            page(tree, with_folder(page_path))
     tree.attrs["seconds"] = json.dumps(run.seconds)
 
 
@@ -166,8 +164,7 @@ def _keep_finished(tree: xr.DataTree, run: _Run, path: Path | None, interrupt: K
 
     partial = path.with_name(f"{path.stem}.partial{path.suffix}")
     tree.attrs |= {"seconds": json.dumps(run.seconds), "interrupted": "yes: groups that were not finished are absent"}
-    partial.parent.mkdir(parents=True, exist_ok=True)
-    save(tree, partial)
+    save(tree, with_folder(partial))
     interrupt.add_note(f"finished parts ({', '.join(finished)}) are kept in {partial}")
 
 

@@ -152,8 +152,9 @@ def _opencl() -> list[Finding]:
 
 
 CHOSEN = """
-from vgonio.wave import opencl
-print(opencl.device_name())
+from vgonio.wave.opencl import device
+chosen = device()
+print(f"{chosen.name} ({chosen.platform}), the kernel builds")
 """
 
 

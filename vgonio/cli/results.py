@@ -91,13 +91,12 @@ def report(
     Example: vgonio report result.nc -o result.html
     """
     from .. import measure
-    from ..planning import check_output
+    from ..planning import check_output, with_folder
 
     path = output if output is not None else result.with_suffix(".html")
     tree = measure.open(result)
     check_output(path, (".html", ".htm"), [result])
     from ..report import page
 
-    path.parent.mkdir(parents=True, exist_ok=True)
-    page(tree, path)
+    page(tree, with_folder(path))
     say(f"page: {path}")

@@ -1,0 +1,266 @@
+"""Bad input, as the command line answers it: one clear line, exit status 2, no traceback, no half-written file."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vgonio as vg
+from vgonio.cli import main
+
+SCENE = """
+[surface]
+file = "sample.npz"
+[material]
+name = "Al"
+[light]
+wavelength_nm = [500, 600]
+theta_i_deg = [0, 30]
+coherence_um = 2
+[detector]
+theta_o_deg = [-30, 0, 30]
+[geometric]
+rays = 100
+[wave]
+tol = 1e-2
+[output]
+file = "result.nc"
+report = "result.html"
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> Path:
+    """A folder with a good scene and a good surface."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.toml").write_text(SCENE)
+    vg.surface.write(vg.surface.flat(shape=(24, 24), pitch_um=0.5), tmp_path / "sample.npz")
+    return tmp_path
+
+
+@pytest.fixture
+def refused(folder, capsys) -> Callable[..., str]:
+    """Run a command that has to be refused; returns its one line."""
+
+    def run(*arguments: str) -> str:
+        before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+        status = main(list(arguments))
+        said = capsys.readouterr()
+        assert status == 2, said
+        assert said.out == ""
+        assert said.err.startswith("vgonio: error: ")
+        assert said.err.count("\n") == 1, said.err
+        assert "Traceback" not in said.err
+        assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
+        return said.err
+
+    return run
+
+
+def setting(text: str) -> list[str]:
+    return ["simulate", "scene.toml", "--set", text]
+
+
+# ---- files
+@pytest.mark.parametrize("command", ["simulate", "plan"])
+def test_missing_scene(refused, command):
+    assert "no such scene file: other.toml" in refused(command, "other.toml")
+
+
+@pytest.mark.parametrize("name", ["none.npz", "none.al3d", "none.vgms", "none.txt", "none.x3p"])
+def test_missing_surface_file(refused, name):
+    assert name in refused(*setting(f"surface.file={name}"))
+    assert name in refused("surface", "info", name)
+
+
+def _npz(path: Path) -> None:
+    vg.surface.write(vg.surface.flat(shape=(64, 64), pitch_um=0.5), path)
+
+
+def _usurf(path: Path) -> None:
+    path.write_text("DATA\n\t0\t1\t2\n0\t1.0\t2.0\t3.0\n1\t1.0\t2.0\t3.0\n")
+
+
+def _vgms(path: Path) -> None:
+    import struct
+
+    heights = np.zeros((8, 8), "<f4").tobytes()
+    head = b"VGMS" + struct.pack("<II", 0x000100, 68 + len(heights)) + b"2022-01-01T00:00:00Z".ljust(32, b"\0")
+    head += struct.pack("<BBBB", 4, 0x21, 0, 0) + struct.pack("<IIIIf", 3, 8, 8, 0, 0.5)
+    path.write_bytes(head[:60] + struct.pack("<ff", 0.5, 0.5) + heights)
+
+
+@pytest.mark.parametrize(
+    ("name", "write", "keep"), [("cut.npz", _npz, 300), ("cut.txt", _usurf, 18), ("cut.vgms", _vgms, 100)]
+)
+def test_truncated_surface_file(refused, folder, name, write, keep):
+    path = folder / name
+    write(path)
+    vg.surface.read(path)  # whole, it is read
+    path.write_bytes(path.read_bytes()[:keep])
+    assert name in refused(*setting(f"surface.file={name}"))
+    assert name in refused("surface", "convert", name, "out.npz")
+
+
+@pytest.mark.parametrize("name", ["al3d-1.al3d", "x3p-2.x3p", "opd-1.opd", "nms-1.nms"])
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.5])
+def test_truncated_instrument_file(refused, folder, shared, name, share):
+    content = (shared / "data" / "heightfields" / name).read_bytes()
+    (folder / name).write_bytes(content[: int(share * len(content))])
+    assert name in refused(*setting(f"surface.file={name}"))
+
+
+@pytest.mark.parametrize("name", ["sample.jpeg", "sample", "sample.mp3"])
+def test_unknown_suffix(refused, folder, name):
+    (folder / name).write_bytes(b"\x00\x01 nothing that anybody knows")
+    assert name in refused(*setting(f"surface.file={name}"))
+    assert name in refused("surface", "info", name)
+
+
+def test_unknown_suffix_of_an_output(refused):
+    assert ".nc" in refused("simulate", "scene.toml", "-o", "result.mat")
+    assert ".html" in refused("simulate", "scene.toml", "--report", "page.pdf")
+    assert "out.obj" in refused("surface", "convert", "sample.npz", "out.obj")
+
+
+@pytest.mark.parametrize(
+    "content", ["", "[", "[]", "{}", '[{"wavelengths": [500]}]', '[{"wavelengths": [500]}, {"thetaIn": 0}]']
+)
+def test_broken_measurement(refused, folder, content):
+    (folder / "broken.json").write_text(content)
+    assert "broken.json" in refused(*setting("measured.file=broken.json"))
+    assert "broken.json" in refused("compare", "broken.json", "broken.json")
+
+
+# ---- surfaces
+def _surface_with(folder: Path, z: np.ndarray) -> str:
+    np.savez(folder / "odd.npz", z=z)
+    _npz(folder / "good.npz")
+    with np.load(folder / "good.npz", allow_pickle=False) as good:
+        content = dict(good)
+    key = next(k for k, v in content.items() if v.ndim == 2)
+    np.savez(folder / "odd.npz", **(content | {key: z}))
+    (folder / "good.npz").unlink()
+    return "odd.npz"
+
+
+def test_all_nan_surface(refused, folder):
+    name = _surface_with(folder, np.full((24, 24), np.nan))
+    assert "missing" in refused(*setting(f"surface.file={name}"))
+    assert "missing" in refused("surface", "info", name)
+
+
+def test_missing_points_without_a_fill(refused, folder):
+    z = np.zeros((24, 24))
+    z[5, 5:9] = np.nan
+    name = _surface_with(folder, z)
+    line = refused(*setting(f"surface.file={name}"))
+    assert "4 missing points" in line
+    assert 'fill = "interpolate"' in line
+
+
+@pytest.mark.parametrize("pitch", ["0", "-0.5", "nan", "[0.5, 0]"])
+def test_zero_or_negative_pitch(refused, pitch):
+    assert "pitch_um" in refused(*setting(f"surface.pitch_um={pitch}"))
+
+
+@pytest.mark.parametrize("pitch", ["0", "-0.5", "nan"])
+def test_zero_or_negative_pitch_of_surface_commands(refused, pitch):
+    assert "pitch" in refused("surface", "info", "sample.npz", f"--pitch-um={pitch}")
+    assert "pitch" in refused("surface", "convert", "sample.npz", "out.npz", f"--pitch-um={pitch}")
+    assert "pitch" in refused(
+        "surface", "make", "flat", "--set", f"pitch_um={pitch}", "--set", "shape=[8, 8]", "-o", "o.npz"
+    )
+
+
+# ---- scenes
+def test_unknown_scene_key_names_the_nearest(refused):
+    assert "did you mean 'coherence_um'" in refused(*setting("light.coherence=20"))
+    assert "did you mean 'detector'" in refused(*setting("detecter.aperture_deg=2"))
+
+
+def test_material_outside_its_table(refused):
+    line = refused(*setting("light.wavelength_nm=[50000]"))
+    assert "'Al'" in line
+    assert "50000 nm" in line
+
+
+def test_unknown_material_and_material_file(refused, folder):
+    assert "Unobtainium" in refused(*setting("material.name=Unobtainium"))
+    assert "none.yml" in refused("simulate", "scene.toml", "--set", "material={file='none.yml'}")
+    (folder / "odd.yml").write_text("DATA: nonsense")
+    assert "odd.yml" in refused("simulate", "scene.toml", "--set", "material={file='odd.yml'}")
+
+
+@pytest.mark.parametrize("angle", ["90", "-90", "120", "nan", "1e300"])
+@pytest.mark.parametrize("key", ["light.theta_i_deg", "detector.theta_o_deg"])
+def test_angles_of_90_degrees_and_beyond(refused, key, angle):
+    assert key.split(".")[1] in refused(*setting(f"{key}=[0, {angle}]"))
+
+
+@pytest.mark.parametrize("key", ["light.theta_i_deg", "detector.theta_o_deg", "light.wavelength_nm", "wave.theory"])
+def test_empty_lists(refused, key):
+    assert key.split(".")[1] in refused(*setting(f"{key}=[]"))
+
+
+# ---- results
+def _another_programs_netcdf(path: Path) -> None:
+    import xarray as xr
+
+    xr.Dataset({"temperature": ("x", [1.0, 2.0])}).to_netcdf(path, engine="h5netcdf")
+
+
+def _newer_result(path: Path) -> None:
+    import xarray as xr
+
+    data = xr.Dataset(attrs={"format": "vgonio result", "format_version": 99})
+    data.to_netcdf(path, engine="h5netcdf")
+
+
+@pytest.mark.parametrize(
+    ("write", "words"),
+    [
+        (_another_programs_netcdf, "another program"),
+        (_newer_result, "upgrade"),
+        (lambda p: p.write_text("not NetCDF at all"), "not a NetCDF-4 file"),
+        (lambda p: p.write_bytes(b""), "not a NetCDF-4 file"),
+        (lambda p: None, "no such result file"),
+    ],
+    ids=["other program", "newer", "text", "empty", "missing"],
+)
+def test_a_result_file_of_another_program(refused, folder, write, words):
+    write(folder / "other.nc")
+    assert words in refused("report", "other.nc", "-o", "page.html")
+    assert words in refused("compare", "other.nc", "other.nc")
+
+
+def test_a_truncated_result(refused, folder):
+    tree = vg.simulate("scene.toml", ["geometric.rays=10"], output="whole.nc")
+    assert "rays" in tree.children
+    shutil.copy("whole.nc", "cut.nc")
+    with open("cut.nc", "r+b") as file:
+        file.truncate(2000)
+    assert "cut.nc" in refused("report", "cut.nc")
+
+
+# ---- the same through a real process
+def test_a_real_process_answers_the_same(folder):
+    command = [sys.executable, "-m", "vgonio", "simulate", "scene.toml", "--set", "light.theta_i_deg=[90]"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.splitlines() == [done.stderr.strip()]
+    assert sorted(p.name for p in folder.iterdir()) == ["sample.npz", "scene.toml"]
+
+
+def test_json_commands_print_no_json_when_they_fail(refused):
+    line = refused("plan", "scene.toml", "--json", "--set", "light.theta_i_deg=[90]")
+    with pytest.raises(json.JSONDecodeError):
+        json.loads(line)

@@ -1,0 +1,328 @@
+"""The command line: what each command prints and writes, exit statuses, and that --help is instant."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vgonio as vg
+from vgonio.cli import main
+from vgonio.cli.doctor import in_subprocess
+
+SCENE = """
+title = "small"
+[surface]
+generate = { kind = "gaussian", rms_um = 0.2, correlation_um = 3, shape = [48, 48], pitch_um = 0.5, seed = 1 }
+[material]
+name = "Al"
+[light]
+wavelength_nm = [450, 550, 600, 650]
+theta_i_deg = [0, 30]
+coherence_um = 4
+[detector]
+theta_o_deg = [-60, -30, -10, 10, 30, 60]
+aperture_deg = 10
+[geometric]
+rays = 20_000
+[wave]
+method = "nufft"
+tol = 1e-2
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def scene(folder) -> Path:
+    path = folder / "scene.toml"
+    path.write_text(SCENE)
+    return path
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory) -> Path:
+    """One simulated scene for all tests that only look at results."""
+    path = tmp_path_factory.mktemp("result")
+    (path / "scene.toml").write_text(SCENE)
+    assert main(["simulate", str(path / "scene.toml"), "-o", str(path / "result.nc"), "--quiet"]) == 0
+    return path / "result.nc"
+
+
+# ---- help
+COMMANDS = [
+    ["simulate"],
+    ["plan"],
+    ["init"],
+    ["surface", "info"],
+    ["surface", "make"],
+    ["surface", "convert"],
+    ["compare"],
+    ["report"],
+    ["doctor"],
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_help_has_an_example_and_the_common_options(command, capsys):
+    assert main([*command, "--help"]) == 0
+    text = capsys.readouterr().out
+    assert f"Example: vgonio {' '.join(command)}" in text
+    assert "--quiet" in text
+    if command != ["init"]:
+        assert "--threads" in text
+
+
+@pytest.mark.parametrize(
+    "command", [["simulate"], ["plan"], ["surface", "info"], ["compare"], ["doctor"]], ids=" ".join
+)
+def test_commands_with_a_table_print_json(command, capsys):
+    main([*command, "--help"])
+    assert "--json" in capsys.readouterr().out
+
+
+def test_help_is_instant():
+    """CPU seconds of the whole process, the best of three, since other processes share the machine: 0.13 s measured."""
+
+    def seconds() -> float:
+        before = os.times()
+        subprocess.run([sys.executable, "-m", "vgonio", "--help"], check=True, capture_output=True)
+        after = os.times()
+        return after.children_user + after.children_system - before.children_user - before.children_system
+
+    assert min(seconds() for _ in range(3)) < 0.5
+
+
+def test_version(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.strip() == f"vgonio {vg.__version__}"
+
+
+# ---- bad usage
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "missing command"),
+        (["simulat"], "did you mean 'simulate'"),
+        (["simulate"], "missing argument"),
+        (["simulate", "a.toml", "--sett", "x=1"], "no such option: --sett"),
+        (["simulate", "a.toml", "--threads", "0"], "at least one thread"),
+        (["simulate", "a.toml", "--threads", "two"], "valid int"),
+        (["plan", "none.toml"], "no such scene file: none.toml"),
+        (["surface"], "missing command"),
+        (["surface", "make", "gausian", "-o", "a.npz"], "did you mean 'gaussian'"),
+        (["surface", "make", "flat", "--set", "shap=[2,2]", "-o", "a.npz"], "did you mean 'shape'"),
+        (["surface", "make", "flat", "--set", "shape", "-o", "a.npz"], "--set"),
+    ],
+    ids=lambda v: " ".join(v) if isinstance(v, list) else None,
+)
+def test_bad_usage_is_one_line_and_status_2(folder, capsys, arguments, words):
+    assert main(arguments) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith("vgonio: error: ")
+    assert said.err.count("\n") == 1
+    assert words.lower() in said.err.lower()
+    assert list(folder.iterdir()) == []
+
+
+# ---- simulate, plan, init
+def test_simulate_writes_the_result_and_says_where(scene, capsys):
+    assert main(["simulate", str(scene), "-o", "result.nc"]) == 0
+    said = capsys.readouterr()
+    assert "result: result.nc" in said.out
+    tree = vg.open("result.nc")
+    assert set(tree.children) == {"surface", "rays", "waves", "comparison"}
+    assert sorted(p.name for p in scene.parent.iterdir()) == ["result.nc", "scene.toml"]
+
+
+def test_simulate_with_overrides_as_json(scene, capsys):
+    arguments = ["simulate", str(scene), "-o", "r.nc", "--json", "--set", "light.theta_i_deg=[20]"]
+    assert main([*arguments, "--set", "geometric.rays=500"]) == 0
+    parts = json.loads(capsys.readouterr().out)["parts"]
+    assert {"rays", "waves", "comparison"} <= {p["part"] for p in parts}
+    assert vg.open("r.nc")["rays"].theta_i.values.tolist() == [20.0]
+
+
+def test_simulate_needs_somewhere_to_write(scene, capsys):
+    assert main(["simulate", str(scene)]) == 2
+    assert "nowhere to write to" in capsys.readouterr().err
+
+
+def test_one_seed_gives_the_same_numbers(scene, result):
+    assert main(["simulate", str(scene), "-o", "again.nc", "--quiet"]) == 0
+    for group in ("rays", "waves"):
+        np.testing.assert_array_equal(vg.open("again.nc")[group].brdf.values, vg.open(result)[group].brdf.values)
+
+
+def test_quiet_says_nothing(scene, capsys):
+    assert main(["simulate", str(scene), "-o", "q.nc", "--quiet"]) == 0
+    said = capsys.readouterr()
+    assert (said.out, said.err) == ("", "")
+
+
+def test_warnings_are_one_line_each(scene, capsys):
+    assert main(["plan", str(scene), "--set", "light.coherence_um=20"]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert lines
+    assert all(line.startswith("vgonio: warning: ") for line in lines)
+
+
+def test_plan_as_json(scene, capsys):
+    assert main(["plan", str(scene), "--json"]) == 0
+    stages = {s["name"]: s for s in json.loads(capsys.readouterr().out)["stages"]}
+    assert stages["trace"]["needed"]
+    assert not stages["report"]["needed"]
+    assert not list(scene.parent.glob("*.nc"))
+
+
+def test_init_writes_a_scene_that_plans_and_never_overwrites(folder, capsys):
+    assert main(["init", "mine.toml"]) == 0
+    assert main(["plan", "mine.toml", "--quiet"]) == 0
+    (folder / "mine.toml").write_text("changed")
+    capsys.readouterr()
+    assert main(["init", "mine.toml"]) == 2
+    assert "--force" in capsys.readouterr().err
+    assert (folder / "mine.toml").read_text() == "changed"
+    assert main(["init", "mine.toml", "--force"]) == 0
+    assert 'file = "mine.nc"' in (folder / "mine.toml").read_text()
+
+
+# ---- surface
+def test_surface_make_info_convert(folder, capsys):
+    make = ["surface", "make", "sinusoid", "--set", "period_um=2", "--set", "amplitude_um=0.1"]
+    assert main([*make, "--set", "shape=[16, 80]", "--set", "pitch_um=0.05", "-o", "s.npz"]) == 0
+    assert main(["surface", "convert", "s.npz", "s.csv", "--quiet"]) == 0
+    capsys.readouterr()
+    assert main(["surface", "info", "s.npz", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["points"] == "80 × 16"
+    assert facts["size_um"] == [4.0, 0.8]
+    # Sq of a sine is a/√2 over whole periods
+    assert facts["Sq"] == pytest.approx(0.1 / np.sqrt(2), rel=1e-6)
+    assert sorted(p.name for p in folder.iterdir()) == ["s.csv", "s.npz"]
+
+
+def test_surface_info_takes_overrides(folder, capsys):
+    vg.surface.write(vg.surface.flat(shape=(8, 8), pitch_um=1.0), "flat.npz")
+    assert main(["surface", "info", "flat.npz", "--pitch-um", "0.25", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["pitch_um"] == [0.25, 0.25]
+
+
+def test_convert_does_not_overwrite_its_input(folder, capsys):
+    vg.surface.write(vg.surface.flat(shape=(8, 8), pitch_um=1.0), "flat.npz")
+    before = (folder / "flat.npz").read_bytes()
+    assert main(["surface", "convert", "flat.npz", "./flat.npz"]) == 2
+    assert (folder / "flat.npz").read_bytes() == before
+
+
+# ---- compare, report
+def test_compare_groups_of_one_result(result, capsys):
+    assert main(["compare", f"{result}:rays", f"{result}:waves", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert rows
+    assert main(["compare", str(result)]) == 0
+    assert "rays" in capsys.readouterr().out
+
+
+def test_a_result_compared_with_itself_does_not_differ(result, capsys):
+    assert main(["compare", f"{result}:rays", f"{result}:rays", "--json"]) == 0
+    row = json.loads(capsys.readouterr().out)[0]
+    figures = [v for k, v in row.items() if isinstance(v, float) and ("rmse" in k or "delta" in k)]
+    assert figures
+    assert max(map(abs, figures)) < 1e-9
+
+
+@pytest.mark.parametrize(("suffix", "words"), [(":rays", "at least two"), (":ray", "did you mean 'rays'")])
+def test_compare_refuses_what_it_cannot_compare(result, capsys, suffix, words):
+    assert main(["compare", f"{result}{suffix}"]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_report_writes_one_page(result, folder, capsys):
+    assert main(["report", str(result), "-o", "page.html"]) == 0
+    assert "page: page.html" in capsys.readouterr().out
+    page = (folder / "page.html").read_text(encoding="utf-8")
+    assert "<html" in page
+    assert [p.name for p in folder.iterdir()] == ["page.html"]
+
+
+def test_report_does_not_write_over_a_result(result, capsys):
+    before = result.read_bytes()
+    assert main(["report", str(result), "-o", str(result)]) == 2
+    assert result.read_bytes() == before
+
+
+# ---- doctor
+def test_doctor_looks_at_everything(capsys):
+    assert main(["doctor", "--json"]) == 0
+    found = {f["what"]: f["state"] for f in json.loads(capsys.readouterr().out)}
+    assert found["numpy"] == "ok"
+    assert found["Embree"] == "ok"
+    assert {"python", "threads", "memory", "Chromium", "OpenCL choice"} <= set(found)
+
+
+def test_doctor_survives_what_ends_a_process():
+    worked, text = in_subprocess("import os; os.abort()")
+    assert not worked
+    assert "exit status" in text
+    assert in_subprocess("print(42)") == (True, "42")
+    assert in_subprocess("import time; time.sleep(60)", seconds=0.2)[0] is False
+
+
+def test_doctor_reports_a_library_that_is_broken(monkeypatch, capsys):
+    from vgonio.cli import doctor
+
+    monkeypatch.setattr(doctor, "EMBREE", "raise RuntimeError('no Embree here')")
+    monkeypatch.setattr(doctor, "_machine", lambda: 1 / 0)
+    assert main(["doctor", "--json"]) == 0
+    states = {f["what"]: f["state"] for f in json.loads(capsys.readouterr().out)}
+    assert states["Embree"] == "failed"
+    assert "failed" in states.values()
+
+
+# ---- the process itself
+def test_threads_are_set_before_libraries_are_loaded(scene):
+    code = (
+        "import os, sys\nfrom vgonio.cli import main\n"
+        f"assert main(['plan', {str(scene)!r}, '--threads', '1', '--quiet']) == 0\n"
+        "print(os.environ['OMP_NUM_THREADS'])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "1"
+
+
+def test_ctrl_c_ends_with_130_keeps_what_was_finished_and_leaves_nothing_half_written(scene):
+    """The waves of a fine spectrum by the slow reference take minutes; rays are done long before."""
+    settings = ["wave.method=reference", "light.wavelength_nm={start=400, stop=800, step=0.5}", "geometric.rays=100"]
+    overrides = [word for s in settings for word in ("--set", s)]
+    command = [sys.executable, "-m", "vgonio", "simulate", str(scene), "-o", "long.nc", *overrides]
+    process = subprocess.Popen(command, cwd=scene.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    time.sleep(6)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert err.splitlines()[-1].startswith("vgonio: interrupted")
+    assert "Traceback" not in err
+    assert {p.name for p in scene.parent.iterdir()} <= {"scene.toml", "long.partial.nc"}
+
+
+def test_an_internal_error_is_status_1_and_one_line(scene, monkeypatch, capsys):
+    import vgonio.planning
+
+    monkeypatch.setattr(vgonio.planning, "plan", lambda *_: 1 / 0)
+    assert main(["plan", str(scene)]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("vgonio: internal error: ZeroDivisionError")
+    assert said.count("\n") == 1
