@@ -17,9 +17,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from ..dataset import label, plain, versions
 from ..directions import angle_list, wavelength_list
 from ..errors import InputError, VgonioWarning, nearest
-from ..measure.dataset import label, plain, versions
 from ..units import radians
 from . import beckmann_1963, clausen_2022, cook_torrance_1982, walter_2007
 from .half_angle import half_angles

@@ -1,0 +1,66 @@
+"""NIST's Mueller-matrix BRDF tables (Germer 2017), the in-plane part of the unpolarised BRDF.
+
+One header line; λ in µm, θ_i, φ_i, θ_r, φ_r in degrees, f_r11 in sr⁻¹, then the 15 other Mueller elements over f_r11.
+There θ_i is 0 or negative and φ_r = 0 is the mirror side: with positive θ_i the plane of incidence has the azimuth 180°
+and the mirror side negative θ_o. ±0.001° stands for 0.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from ...errors import FileFormatError
+from .in_plane import check_values, dense_dataset
+
+# reflected directions within this of φ_r = 0 or 180° count as in plane; the tables list these exactly
+IN_PLANE_DEG = 0.01
+
+
+def sniff(head: bytes) -> bool:
+    return head.lstrip(b"\xef\xbb\xbf").lower().startswith(b"lambda,thetai,phi")
+
+
+def read(path: str | os.PathLike[str]) -> xr.Dataset:
+    """The in-plane f_r11 of a NIST table; see `measure.readers.read`. Angle pairs that were not measured are NaN."""
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            if not sniff(file.read(64)):
+                raise FileFormatError(f"{path} is no NIST BRDF table: its header has to begin with lambda,thetai,phi")
+        rows = np.loadtxt(path, delimiter=",", skiprows=1, usecols=range(6), ndmin=2)
+    except OSError as e:
+        raise FileFormatError(f"cannot read {path}: {e.strerror or e}") from None
+    except (ValueError, IndexError) as e:
+        raise FileFormatError(f"{path} is truncated or no NIST BRDF table: {e}") from None
+    if rows.size == 0 or not np.all(np.isfinite(rows)):
+        raise FileFormatError(f"{path} holds no rows, or a value that is not finite")
+    off = np.abs(rows[:, 4])
+    inside = (np.minimum(off, np.abs(180 - off)) <= IN_PLANE_DEG) | (rows[:, 3] <= 0.001)
+    plane = rows[inside]
+    if not plane.size:
+        raise FileFormatError(f"{path} holds no in-plane geometry (φ_r = 0 or 180°)")
+    theta_i, theta_o = np.where(np.abs(plane[:, [1, 3]]) <= 0.001, 0.0, plane[:, [1, 3]]).T
+    theta_o = np.where(np.abs(plane[:, 4]) < 90, -theta_o, theta_o) + 0.0
+    return _assemble(path, np.abs(theta_i), theta_o, plane, len(rows))
+
+
+def _assemble(path: Path, theta_i: np.ndarray, theta_o: np.ndarray, rows: np.ndarray, total: int) -> xr.Dataset:
+    wavelength = np.unique(np.round(rows[:, 0] * 1e3, 6))
+    check_values(np.abs(np.concatenate([theta_i, theta_o])), wavelength, str(path))
+    pairs, place = np.unique(np.stack([theta_i, theta_o], axis=1), axis=0, return_inverse=True)
+    spectra = np.full((len(pairs), wavelength.size), np.nan)
+    spectra[place.ravel(), np.searchsorted(wavelength, np.round(rows[:, 0] * 1e3, 6))] = rows[:, 5]
+    return dense_dataset(
+        pairs[:, 0],
+        pairs[:, 1],
+        wavelength,
+        spectra,
+        None,
+        plane=180.0,
+        where=str(path),
+        attrs={"source": path.name, "comment": f"in-plane part: {len(rows)} of {total} rows"},
+    )
