@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -303,19 +302,34 @@ def test_threads_are_set_before_libraries_are_loaded(scene):
     assert done.stdout.splitlines()[-1] == "1"
 
 
-def test_ctrl_c_ends_with_130_keeps_what_was_finished_and_leaves_nothing_half_written(scene):
-    """The waves of a fine spectrum by the slow reference take minutes; rays are done long before."""
-    settings = ["wave.method=reference", "light.wavelength_nm={start=400, stop=800, step=0.5}", "geometric.rays=100"]
-    overrides = [word for s in settings for word in ("--set", s)]
-    command = [sys.executable, "-m", "vgonio", "simulate", str(scene), "-o", "long.nc", *overrides]
+SLOW_WAVES = """
+import sys, time
+from vgonio import assembly
+from vgonio.cli import main
+
+class Slow:
+    def scatter(self, surface, incoming, detector):
+        print("waves began", flush=True)
+        time.sleep(100)
+
+assembly.waves = lambda scene, theory, progress=None: Slow()
+sys.exit(main(["simulate", "scene.toml", "-o", "long.nc", "--set", "geometric.rays=100"]))
+"""
+
+
+def test_ctrl_c_ends_with_130_and_keeps_what_was_finished(scene):
+    """A real signal to a real process, sent when the rays are done and the waves have begun."""
+    command = [sys.executable, "-c", SLOW_WAVES]
     process = subprocess.Popen(command, cwd=scene.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(6)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "waves began\n"
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
-    assert err.splitlines()[-1].startswith("vgonio: interrupted")
+    assert err.splitlines()[-1].startswith("vgonio: interrupted: finished parts (rays) are kept in long.partial.nc")
     assert "Traceback" not in err
-    assert {p.name for p in scene.parent.iterdir()} <= {"scene.toml", "long.partial.nc"}
+    assert {p.name for p in scene.parent.iterdir()} == {"scene.toml", "long.partial.nc"}
+    assert "rays" in vg.open(scene.parent / "long.partial.nc").children
 
 
 def test_an_internal_error_is_status_1_and_one_line(scene, monkeypatch, capsys):

@@ -66,7 +66,7 @@ def test_two_theories_are_compared_with_each_other():
 
 def test_rays_are_counted():
     trace = next(s for s in plan(scene(geometric={"rays": 4000})).stages if s.name == "trace")
-    assert "8e+03 rays" in trace.cost
+    assert "8,000 rays" in trace.cost
 
 
 def test_missing_points_decide_about_filling(tmp_path):

@@ -138,13 +138,13 @@ def _ray_stages(scene: Scene, surface: Heightfield | None) -> list[Stage]:
     # 24 B a vertex in double precision, 12 B of indices and about 100 B of Embree's hierarchy a facet
     memory = facets * (12 + 12 + 100) / 1e6
     return [
-        Stage("mesh", True, "facets for the rays", "numpy", f"{facets:.2g} facets, {memory:.0f} MB"),
+        Stage("mesh", True, "facets for the rays", "numpy", f"{facets:,} facets, {memory:.0f} MB"),
         Stage(
             "trace",
             True,
             "one trace serves all wavelengths",
             "embreex",
-            f"{asked.rays * angles:.2g} rays: {asked.rays:.2g} × {angles} angles{cap}",
+            f"{asked.rays * angles:,} rays: {asked.rays:,} × {angles} angles{cap}",
         ),
     ]
 
@@ -172,7 +172,7 @@ def _wave_stages(scene: Scene, surface: Heightfield | None) -> list[Stage]:
             True,
             ", ".join(scene.wave.theory) + f", method {scene.wave.method!r}, tol = {scene.wave.tol:g}",
             library,
-            f"{count:.2g} directions × wavelengths, about {windows} coherence windows",
+            f"{count:,} directions × wavelengths, about {windows} coherence windows",
         ),
     ]
 
@@ -189,7 +189,7 @@ def _verdict_stages(scene: Scene) -> list[Stage]:
     why = " with ".join(results) if len(results) == 2 else ", ".join(results) + " with each other"
     return [
         measured,
-        Stage("compare", True, why, "scipy", f"{len(results) * (len(results) - 1) // 2} pairs"),
+        Stage("compare", True, why, "scipy", f"pairs: {len(results) * (len(results) - 1) // 2}"),
         Stage("colour", True, "ΔE₀₀ and RGB of each result", "colour-science"),
     ]
 

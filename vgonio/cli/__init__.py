@@ -9,6 +9,10 @@ __all__ = ["main"]
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command and return its exit status: 0 done, 1 our own fault, 2 bad usage or input, 130 interrupted."""
-    from .outcome import run
+    try:
+        from .outcome import run
 
-    return run(sys.argv[1:] if arguments is None else arguments)
+        return run(sys.argv[1:] if arguments is None else arguments)
+    except KeyboardInterrupt:
+        print("vgonio: interrupted", file=sys.stderr)
+        return 130

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import sys
@@ -83,7 +84,12 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]
         table.add_column(column, overflow="fold", justify="left" if i == 0 else "default")
     for row in rows:
         table.add_row(*(_cell(v) for v in row))
-    Console(width=None if sys.stdout.isatty() else 200, markup=False, highlight=False).print(table)
+    if sys.stdout.isatty():
+        Console(markup=False, highlight=False).print(table)
+        return
+    console = Console(width=200, markup=False, highlight=False, file=io.StringIO())
+    console.print(table)
+    print("\n".join(line.rstrip() for line in console.file.getvalue().splitlines()).strip("\n"))  # type: ignore[attr-defined]
 
 
 def _cell(value: Any) -> str:

@@ -68,15 +68,8 @@ def _parts(tree: Any) -> list[dict[str, Any]]:
     rows = []
     for name, seconds in json.loads(tree.attrs["seconds"]).items():
         attrs = tree[name].attrs if name in tree.children else {}
-        error = attrs.get("error_achieved", attrs.get("error", attrs.get("achieved")))
-        row = {
-            "part": name,
-            "seconds": seconds,
-            "tol": attrs.get("tol"),
-            "error": error,
-            "backend": attrs.get("backend"),
-        }
-        rows.append(row)
+        keys = ("tolerance_asked", "error_achieved", "backend")
+        rows.append({"part": name, "seconds": seconds, **{k: attrs.get(k) for k in keys}})
     return rows
 
 
