@@ -1,0 +1,218 @@
+"""The colour of BRDF spectra: XYZ, in-plane RGB maps (thesis figure 4.4) and ΔE₀₀, all spectra in one matrix product.
+
+CIE 1931 2° observer and D65 from colour-science. White is what scatters f cos θ_i = 1 at every wavelength.
+
+Wavelength weights. A spectrum is taken as linear between its samples and, beyond its ends, as constant (CIE 15:2018,
+section 7.2.2); observer × D65 (which CIE also takes as linear between its 5 nm) is integrated against that in steps of
+1 nm from 360 to 780 nm. So any grid works, 20 nm or irregular, and a flat spectrum is exactly white. Columns are scaled
+by up to 2·10⁻⁴ so that this white is the standard's (x, y) = (0.3127, 0.3290).
+"""
+
+from __future__ import annotations
+
+import warnings
+from functools import lru_cache
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..dataset import check
+from ..errors import InputError, VgonioWarning, nearest
+from ..units import radians
+from .metrics import align, interpolate_wavelength, labelled
+
+Floats = NDArray[np.float64]
+OBSERVER = "CIE 1931 2 Degree Standard Observer"
+SCALES = ("reference-Y50", "absolute", "normalised")
+# of the weight of Y: what may lie beyond the ends of a spectrum before colour is refused
+LARGEST_SHARE_OUTSIDE = 0.1
+
+
+@lru_cache(maxsize=1)
+def _colour() -> ModuleType:
+    with warnings.catch_warnings():
+        # optional dependencies of colour-science that are not needed here
+        warnings.simplefilter("ignore")
+        import colour
+    return colour
+
+
+@lru_cache(maxsize=1)
+def _standard() -> tuple[Floats, Floats, Floats, Floats]:
+    """(n,) nm, (n, 3) observer × D65 with Σ ȳ D65 = 1, (3,) white XYZ, (3, 3) XYZ to linear sRGB."""
+    colour = _colour()
+    cmfs, d65 = colour.MSDS_CMFS[OBSERVER], colour.SDS_ILLUMINANTS["D65"]
+    first = max(cmfs.wavelengths[0], d65.wavelengths[0])
+    last = min(cmfs.wavelengths[-1], d65.wavelengths[-1])
+    nm = np.arange(first, last + 0.5)
+    observer = np.stack([np.interp(nm, cmfs.wavelengths, column) for column in cmfs.values.T], axis=1)
+    weight = observer * np.interp(nm, d65.wavelengths, d65.values)[:, None]
+    srgb = colour.RGB_COLOURSPACES["sRGB"]
+    white = colour.xy_to_XYZ(srgb.whitepoint)
+    # the primaries' own matrix: the standard prints it rounded to four digits, which would tint white by 10⁻⁴
+    to_rgb = np.linalg.inv(colour.normalised_primary_matrix(srgb.primaries, srgb.whitepoint))
+    return nm, weight / weight[:, 1].sum(), white, to_rgb
+
+
+@lru_cache(maxsize=32)
+def _weights(wavelength: tuple[float, ...]) -> tuple[Floats, Floats]:
+    """(n_λ, 3) weights of sorted wavelengths in nm for X, Y, Z, and (3,) the share of them beyond the ends."""
+    nm, standard, white, _ = _standard()
+    w = np.array(wavelength)
+    # column j: the linear interpolant that is 1 at sample j; np.interp continues it as a constant
+    hats = np.stack([np.interp(nm, w, row) for row in np.eye(w.size)], axis=1)
+    total = standard.sum(axis=0)
+    outside = standard[(nm < w[0]) | (nm > w[-1])].sum(axis=0) / total
+    return hats.T @ standard * (white / total), outside
+
+
+def weights(wavelength_nm: Floats) -> tuple[Floats, Floats]:
+    """Weights (n_λ, 3) that turn a spectrum at sorted wavelengths (n_λ,) in nm into XYZ, and the shares (3,) of the
+    weight that had to be taken from its ends; a flat spectrum of 1 gives D65 with Y = 1.
+
+    Raises InputError for fewer than two wavelengths, or when more than 10 % of the weight of Y lies beyond the ends.
+    """
+    wavelength_nm = np.asarray(wavelength_nm, dtype=np.float64)
+    if wavelength_nm.size < 2:
+        raise InputError(
+            f"colour needs a spectrum, got the single wavelength {wavelength_nm[0]:g} nm: simulate or measure several"
+        )
+    matrix, outside = _weights(tuple(wavelength_nm.tolist()))
+    if outside[1] > LARGEST_SHARE_OUTSIDE:
+        raise InputError(
+            f"wavelengths from {wavelength_nm[0]:g} to {wavelength_nm[-1]:g} nm miss {outside[1]:.0%} of the luminance "
+            f"of the CIE 1931 observer, allowed are {LARGEST_SHARE_OUTSIDE:.0%}: cover at least 450 to 650 nm"
+        )
+    if outside.max() > 0.05:
+        warnings.warn(
+            f"colour from {wavelength_nm[0]:g} to {wavelength_nm[-1]:g} nm: "
+            + ", ".join(f"{s:.0%} of {c}" for s, c in zip(outside, "XYZ"))
+            + " lie beyond the ends, where the spectrum is taken as constant",
+            VgonioWarning,
+            stacklevel=3,
+        )
+    return matrix, outside
+
+
+def _cos_i(data: xr.Dataset) -> xr.DataArray:
+    return xr.DataArray(np.cos(radians(data["theta_i"].values)), dims="theta_i")
+
+
+def _xyz(f: xr.DataArray) -> xr.DataArray:
+    """XYZ of spectra over "wavelength" (sorted), dims (…, xyz); NaN where any wavelength is."""
+    matrix, outside = weights(f["wavelength"].values)
+    f = f.transpose(..., "wavelength")
+    kept = {k: v for k, v in f.coords.items() if "wavelength" not in v.dims}
+    values = xr.DataArray(f.values @ matrix, dims=(*f.dims[:-1], "xyz"), coords=kept)
+    return values.assign_coords(xyz=["X", "Y", "Z"]).assign_attrs(weight_beyond_ends=float(outside.max()))
+
+
+def xyz(data: xr.Dataset) -> xr.DataArray:
+    """Tristimulus values of f(λ) cos θ_i under D65, dims (theta_i, theta_o or cell, xyz); f cos θ_i = 1 is Y = 1.
+
+    NaN where a spectrum has a gap. attrs["weight_beyond_ends"] is the largest share of X, Y or Z that was taken from
+    the ends of the spectra. Raises InputError for a single wavelength or a range that misses the visible.
+    """
+    data = check(data).sortby("wavelength")
+    result = _xyz(data["brdf"] * _cos_i(data))
+    share = result.attrs["weight_beyond_ends"]
+    return labelled(result, "xyz", "1", "CIE 1931 XYZ of BRDF times cos theta_i under D65", weight_beyond_ends=share)
+
+
+def rgb_map(data: xr.Dataset, exposure: float | None = None, chromatic: bool = False) -> xr.DataArray:
+    """sRGB in 0…1 of f(λ) cos θ_i under D65, dims (theta_i, theta_o or cell, rgb): the map of thesis figure 4.4.
+
+    exposure : factor on the linear values; None brings the 98th percentile of Y to 1. 1 shows f cos θ_i = 1 as white.
+    chromatic : scale every square to the same luminance instead (Y = exposure, by default 0.5), so that only the
+        colour is left, also where little light arrives.
+    Colours outside 0…1 are clipped; attrs say `exposure`, `chromatic`, `clipped` (share of the squares with a clipped
+    channel), `clipped_bright` (with one above 1) and `squares_missing` (NaN, or black in the chromatic map).
+    Raises InputError for an exposure that is not positive and as `xyz`.
+    """
+    values = xyz(data)
+    luminance = values.sel(xyz="Y", drop=True)
+    if exposure is not None and not (np.isfinite(exposure) and exposure > 0):
+        raise InputError(f"exposure = {exposure}: a positive factor is needed, or None for an automatic one")
+    if chromatic:
+        exposure = 0.5 if exposure is None else float(exposure)
+        values = values / luminance.where(luminance > 0)
+    elif exposure is None:
+        exposure = _automatic_exposure(luminance.values)
+    _, _, white, to_rgb = _standard()
+    linear = xr.dot(values * exposure, xr.DataArray(to_rgb, dims=("rgb", "xyz")), dim="xyz")
+    linear = linear.transpose(..., "rgb").assign_coords(rgb=["R", "G", "B"])
+    encoded = xr.DataArray(_colour().models.eotf_inverse_sRGB(np.clip(linear.values, 0, 1)), linear.coords, linear.dims)
+    return labelled(
+        encoded, "rgb", "1", "sRGB of BRDF times cos theta_i under D65", **_clipping(linear.values, exposure, chromatic)
+    )
+
+
+def _automatic_exposure(luminance: Floats) -> float:
+    finite = luminance[np.isfinite(luminance)]
+    bright = np.percentile(finite, 98) if finite.size else 0.0
+    return float(1.0 / bright) if bright > 0 else 1.0
+
+
+def _clipping(linear: Floats, exposure: float, chromatic: bool) -> dict[str, Any]:
+    # rounding of a neutral square is no clipping
+    high, low = np.any(linear > 1 + 1e-9, axis=-1), np.any(linear < -1e-9, axis=-1)
+    seen = np.all(np.isfinite(linear), axis=-1)
+    return {
+        "exposure": float(exposure),
+        "chromatic": int(chromatic),
+        "clipped": float(np.sum((high | low) & seen) / max(np.sum(seen), 1)),
+        "clipped_bright": float(np.sum(high & seen) / max(np.sum(seen), 1)),
+        "squares_missing": int(np.sum(~seen)),
+    }
+
+
+def lab(values: Floats) -> Floats:
+    """CIE L*a*b* of XYZ (…, 3) with Y = 1 for white, D65."""
+    colour = _colour()
+    return colour.XYZ_to_Lab(values, colour.RGB_COLOURSPACES["sRGB"].whitepoint)
+
+
+def delta_e_2000(
+    reference: xr.Dataset, predicted: xr.Dataset, scale: str = "reference-Y50", wavelength_n: float = 600.0
+) -> xr.DataArray:
+    """ΔE₀₀ between two BRDFs at their common angles, dims (theta_i, theta_o or cell), D65.
+
+    scale : how bright the two are shown
+        "reference-Y50" both times the factor that brings the reference's Y to 50 of 100, square by square;
+        "absolute" π f cos θ_i as reflectance factor;
+        "normalised" each spectrum divided by its value at wavelength_n (nm), as in thesis figure 4.7: colour only.
+    The choice is in attrs["scale"] (and wavelength_n), gaps and squares whose reference is black in
+    attrs["squares_left_out"]. Raises InputError for an unknown scale, nothing in common, or too few wavelengths.
+    """
+    if scale not in SCALES:
+        raise InputError(f"scale {scale!r} of a colour difference: {nearest(scale, SCALES)}")
+    a, b = align(reference, predicted)
+    spectra = [_normalised(d, wavelength_n) if scale == "normalised" else d["brdf"] * _cos_i(d) for d in (a, b)]
+    x, y = (_xyz(s) for s in spectra)
+    if scale == "absolute":
+        x, y = np.pi * x, np.pi * y
+    elif scale == "reference-Y50":
+        luminance = x.sel(xyz="Y", drop=True)
+        factor = 0.5 / luminance.where(luminance > 0)
+        x, y = x * factor, y * factor
+    with np.errstate(invalid="ignore"):
+        difference = _colour().delta_E(lab(x.values), lab(y.values), method="CIE 2000")
+    result = xr.DataArray(difference, dims=x.dims[:-1], coords={k: v for k, v in x.coords.items() if k != "xyz"})
+    attrs = {"scale": scale, "squares_left_out": int(np.isnan(difference).sum())}
+    if scale == "normalised":
+        attrs["wavelength_n"] = wavelength_n
+    return labelled(result, "delta_e_2000", "1", "colour difference CIE DE2000 under D65", **attrs)
+
+
+def _normalised(data: xr.Dataset, wavelength_n: float) -> xr.DataArray:
+    """f/f(λ_n); NaN where f(λ_n) is not positive."""
+    w = data["wavelength"].values
+    if not w.min() <= wavelength_n <= w.max():
+        raise InputError(
+            f"wavelength_n = {wavelength_n:g} nm lies outside the common wavelengths {w.min():g} to {w.max():g} nm"
+        )
+    at_n = interpolate_wavelength(data[["brdf"]], np.array([wavelength_n]))["brdf"].isel(wavelength=0, drop=True)
+    return data["brdf"] / at_n.where(at_n > 0)

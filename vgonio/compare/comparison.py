@@ -1,0 +1,201 @@
+"""The comparison of several results: every one by itself (shift fits) and every pair (errors, colour difference)."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Callable, Hashable, Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ..dataset import check, label
+from ..errors import InputError, VgonioError, nearest
+from ..materials import Material
+from ..models.clausen_2022 import WAVELENGTH_N_NM
+from .colour import delta_e_2000
+from .metrics import SAME_ANGLE_DEG, align, detector_dim, labelled, nrmse, rmse
+from .shift import FEWEST_FOR_P, fit_global_shift, fit_local_shift
+
+_SPECTRAL = {"theta_i", "theta_o", "cell", "wavelength"}
+_AXES = ("theta_i", "theta_o", "wavelength")
+_NAMES = {
+    "result": "name of the result",
+    "pair": "two results, the second is the reference",
+    "pair_predicted": "first result of the pair",
+    "pair_reference": "second result of the pair, the reference",
+}
+
+
+def compare(
+    results: Mapping[str, xr.Dataset] | xr.DataTree,
+    reference: str | None = None,
+    material: str | Material | None = "Al",
+    *,
+    scale: str = "reference-Y50",
+    p: float | str = "fit",
+    wavelength_n: float = WAVELENGTH_N_NM,
+) -> xr.Dataset:
+    """Compare results by name, or the groups of a DataTree that hold a BRDF: the group `comparison` of a result.
+
+    reference : name of the result that the others are measured against; by default "measured", else the last
+    material : of the Fresnel reflectance in the shift fits, None for F = 1;  p, wavelength_n : of the shift fits
+    scale : of ΔE₀₀, see `delta_e_2000`
+    Over `result`: slope, slope_stderr, slope_p, slope_r2, slope_global (…, theta_i, theta_o or cell); shift_h,
+    shift_w, shift_t_y, shift_p with their standard errors, and shift_r2. Over `pair` ("a and b": b is the reference): rmse, nrmse,
+    rmse_spectral, nrmse_spectral (…, wavelength), delta_e_2000 (…, theta_i, theta_o or cell), values_compared,
+    values_left_out. Missing grid points are NaN. What could not be computed is absent or NaN, and attrs["skipped"] says
+    why, as JSON {part: reason}. Raises InputError for no result, an unknown reference or an unknown scale.
+    """
+    named = _ordered(_split(_datasets(results)), reference)
+    skipped: dict[str, str] = {}
+    named = _same_directions(named, skipped)
+    parts = [_shift_parts(name, data, material, p, wavelength_n, skipped) for name, data in named.items()]
+    pairs = [_pair_parts(a, b, named, scale, skipped) for a, b in itertools.combinations(named, 2)]
+    merged = _side_by_side(parts, [pair for pair in pairs if pair is not None])
+    merged.attrs = {
+        "method": "comparison",
+        "results": json.dumps(list(named)),
+        "reference": list(named)[-1],
+        "material": "none (F = 1)" if material is None else str(getattr(material, "name", material)),
+        "exponent": str(p),
+        "wavelength_n": float(wavelength_n),
+        "delta_e_scale": scale,
+        "skipped": json.dumps(skipped, ensure_ascii=False),
+    }
+    return merged
+
+
+def _datasets(results: Mapping[str, xr.Dataset] | xr.DataTree) -> dict[str, xr.Dataset]:
+    if isinstance(results, xr.DataTree):
+        results = {str(k): node.to_dataset() for k, node in results.children.items() if "brdf" in node.data_vars}
+    if not results:
+        raise InputError("nothing to compare: no result with a BRDF")
+    return {str(name): check(data, f"result {name!r}") for name, data in results.items()}
+
+
+def _split(results: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
+    """Results with a further dimension, as several theories or polarisations, become one result for each entry."""
+    found: dict[str, xr.Dataset] = {}
+    for name, data in results.items():
+        data = data[[v for v in ("brdf", "brdf_stderr") if v in data]]
+        further = [d for d in data["brdf"].dims if d not in _SPECTRAL]
+        for index in np.ndindex(*(data.sizes[d] for d in further)):
+            chosen: dict[Hashable, int] = dict(zip(further, index))
+            tags = [str(data[d].values[i]) if d in data.coords else str(i) for d, i in chosen.items()]
+            found[":".join([name, *tags])] = data.isel(chosen).drop_vars(further, errors="ignore")
+    return found
+
+
+def _ordered(results: dict[str, xr.Dataset], reference: str | None) -> dict[str, xr.Dataset]:
+    """The reference last, so that it is the second of every pair it is in."""
+    if reference is not None and reference not in results:
+        raise InputError(f"reference {reference!r} is no result: {nearest(reference, results)}")
+    last = reference or ("measured" if "measured" in results else list(results)[-1])
+    return {name: results[name] for name in [*(n for n in results if n != last), last]}
+
+
+def _same_directions(results: dict[str, xr.Dataset], skipped: dict[str, str]) -> dict[str, xr.Dataset]:
+    """Only what shares the kind of detector (and the cells) of the reference: the rest has no common dimensions."""
+    name, reference = list(results.items())[-1]
+    kept = {}
+    for other, data in results.items():
+        try:
+            if detector_dim(data) == "cell" or detector_dim(reference) == "cell":
+                align(data, reference)
+            kept[other] = data
+        except InputError as e:
+            skipped[other] = f"{e} (reference: {name})"
+    return kept
+
+
+def _attempt(part: str, skipped: dict[str, str], function: Callable[[], Any]) -> Any:
+    """The result of a part, or None and the reason among `skipped`: one gap must not cost the whole comparison."""
+    try:
+        return function()
+    except VgonioError as e:
+        skipped[part] = str(e)
+        return None
+
+
+def _shift_parts(
+    name: str, data: xr.Dataset, material: Any, p: float | str, wavelength_n: float, skipped: dict[str, str]
+) -> xr.Dataset:
+    if p == "fit" and data.sizes["wavelength"] < FEWEST_FOR_P:
+        p = 1.0
+    local = _attempt(f"local shift of {name}", skipped, lambda: fit_local_shift(data, material, p, wavelength_n))
+    if local is None:
+        return xr.Dataset(coords={"result": name})
+    found = local.rename(p="slope_p", r2="slope_r2").drop_vars("p_stderr").assign_coords(result=name)
+    fit = _attempt(f"global shift of {name}", skipped, lambda: fit_global_shift(data, material, p, "fit", wavelength_n))
+    if fit is None:
+        return found
+    scalars = {k: f"shift_{k}" for k, v in fit.data_vars.items() if v.ndim == 0}
+    return found.assign(fit.drop_vars("theta_m").rename(scalars).data_vars)
+
+
+def _pair_parts(
+    a: str, b: str, results: Mapping[str, xr.Dataset], scale: str, skipped: dict[str, str]
+) -> xr.Dataset | None:
+    """Errors of `a` against the reference `b`."""
+    pair = f"{a} and {b}"
+    aligned = _attempt(pair, skipped, lambda: align(results[b], results[a]))
+    if aligned is None:
+        return None
+    reference, predicted = aligned
+    angles = ("theta_i", detector_dim(reference))
+    total = rmse(reference, predicted)
+    left_out = total.attrs["values_left_out"]
+    found = {
+        "rmse": total,
+        "nrmse": nrmse(reference, predicted),
+        "rmse_spectral": rmse(reference, predicted, angles),
+        "nrmse_spectral": nrmse(reference, predicted, angles),
+        "values_left_out": labelled(xr.DataArray(left_out), "", "1", "values that one of the two results lacks"),
+        "values_compared": labelled(
+            xr.DataArray(reference["brdf"].size - left_out), "", "1", "common values that the errors are taken over"
+        ),
+    }
+    difference = _attempt(f"colour of {pair}", skipped, lambda: delta_e_2000(reference, predicted, scale))
+    if difference is not None:
+        found["delta_e_2000"] = difference
+    return xr.Dataset(found).assign_coords(pair=pair, pair_predicted=a, pair_reference=b)
+
+
+def _side_by_side(results: list[xr.Dataset], pairs: list[xr.Dataset]) -> xr.Dataset:
+    """One dataset with the dimensions `result` and `pair` over the union of all grids; what a part lacks is NaN."""
+    parts = [*results, *pairs]
+    axes = {d: _union([part[d].values for part in parts if d in part.dims]) for d in _AXES}
+    axes = {d: values for d, values in axes.items() if values.size}
+    merged = xr.Dataset(coords={d: (d, values) for d, values in axes.items()})
+    for part in parts:
+        if "cell" in part.dims:
+            merged = merged.assign_coords({k: part[k] for k in ("cell", "theta_o", "phi_o")})
+    for dim, group in (("result", results), ("pair", pairs)):
+        if not group:
+            continue
+        for name in ("result",) if dim == "result" else ("pair", "pair_predicted", "pair_reference"):
+            texts = {"units": "1", "long_name": _NAMES[name]}
+            merged = merged.assign_coords({name: (dim, [str(part[name].values) for part in group], texts)})
+        gridded = [part.reindex(_axes_of(part, axes), method="nearest", tolerance=SAME_ANGLE_DEG) for part in group]
+        for variable in sorted({str(v) for part in group for v in part.data_vars}):
+            merged[variable] = _stack([part.get(variable) for part in gridded], dim)
+    return label(merged)
+
+
+def _axes_of(part: xr.Dataset, axes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {d: values for d, values in axes.items() if d in part.dims}
+
+
+def _union(grids: list[np.ndarray]) -> np.ndarray:
+    """Sorted values of all grids; those that differ by less than the tolerance of `align` are one."""
+    values = np.sort(np.concatenate([np.zeros(0), *grids]))
+    return values[np.concatenate([[True], np.diff(values) > SAME_ANGLE_DEG])] if values.size else values
+
+
+def _stack(arrays: list[xr.DataArray | None], dim: str) -> tuple[tuple[str, ...], np.ndarray, dict[str, Any]]:
+    known = next(array for array in arrays if array is not None)
+    empty = np.full(known.shape, np.nan)
+    values = [empty if array is None else array.transpose(*known.dims).values for array in arrays]
+    return (dim, *map(str, known.dims)), np.stack(values), {k: known.attrs[k] for k in ("units", "long_name")}

@@ -1,0 +1,187 @@
+"""Linear wavelength shifts of BRDF spectra: the local fit of every spectrum (thesis 4.2) and the global one (4.3–4.5).
+
+Both normalise a spectrum at λ_n = 600 nm and describe it as f/f(λ_n) = (m λ + b)·(F/F(λ_n))^p with b = 1 − m λ_n.
+Slopes m, and h and t_y of the global fit, are in nm⁻¹ (0.001 nm⁻¹ = 10 % per 100 nm), as in `models.clausen_2022`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..materials import Material
+from ..models.clausen_2022 import WAVELENGTH_N_NM, slope
+from .local_fit import best_exponents, normalised_model, profile, standard_errors
+from .metrics import labelled
+from .spectra import Spectra, normalised_spectra
+
+Floats = NDArray[np.float64]
+P_BOUNDS = (0.0, 5.0)  # p counts reflections (thesis, below 4.2): beyond five nothing is left to see
+W_BOUNDS = (0.25, 20.0)  # below, the cosine is a parabola and h, t_y are no longer separate; above, steps of 5° alias
+FEWEST_FOR_P = 5
+
+_LABELS = {
+    "slope": ("nm-1", "slope of the linear shift, relative to the value at wavelength_n"),
+    "slope_stderr": ("nm-1", "standard error of slope"),
+    "slope_global": ("nm-1", "slope of the global shift fit"),
+    "p": ("1", "exponent of the Fresnel reflectance"),
+    "p_stderr": ("1", "standard error of p"),
+    "r2": ("1", "coefficient of determination of the normalised spectrum"),
+    "theta_m": ("degree", "angle between the macro normal and the half vector"),
+    "h": ("nm-1", "height of the cosine of the slope"),
+    "h_stderr": ("nm-1", "standard error of h"),
+    "w": ("1", "frequency of the cosine of the slope over theta_m"),
+    "w_stderr": ("1", "standard error of w"),
+    "t_y": ("nm-1", "offset of the cosine of the slope"),
+    "t_y_stderr": ("nm-1", "standard error of t_y"),
+}
+
+
+def fit_local_shift(
+    data: xr.Dataset,
+    material: str | Material | None = "Al",
+    p: float | str = "fit",
+    wavelength_n: float = WAVELENGTH_N_NM,
+    p_bounds: tuple[float, float] = P_BOUNDS,
+) -> xr.Dataset:
+    """Slope m and exponent p of every spectrum by itself (thesis 4.2), weighted by brdf_stderr where it is known.
+
+    material : of the Fresnel reflectance F at the half-vector angle; None is F = 1 (thesis: p = 0, for dielectrics)
+    p : "fit" within p_bounds, or a fixed exponent;  wavelength_n : λ_n in nm, interpolated between samples
+    Returns slope, slope_stderr (nm⁻¹), p, p_stderr, r2 over (theta_i, theta_o or cell). Standard errors come from the
+    scatter about the fit and include the error of f(λ_n); p_stderr is NaN where p is fixed or at a bound. Spectra
+    without a positive f(λ_n) or with too few values are NaN, attrs["spectra_left_out"] counts them.
+    Raises InputError for fewer than 3 wavelengths (5 where p is fitted) or λ_n outside them, MaterialError outside the
+    material's table.
+    """
+    s = normalised_spectra(data, material, wavelength_n)
+    free = _fits_p(s, p, p_bounds)
+    exponent = best_exponents(s, p_bounds) if free else np.full(s.used.size, _fixed_p(p))
+    m, _ = profile(s, exponent)
+    # a p that stopped at a bound still leaves the slope as uncertain as a free one does
+    errors = standard_errors(s, m, exponent, free)
+    errors[1] = np.where((exponent > p_bounds[0]) & (exponent < p_bounds[1]), errors[1], np.nan)
+    left_out = ~s.used | (np.sum(s.weight > 0, axis=1) < (4 if free else 2))
+    r2 = _r2(s, normalised_model(s, m, exponent))
+    fitted = {"slope": m, "slope_stderr": errors[0], "p": exponent, "p_stderr": errors[1], "r2": r2}
+    return xr.Dataset(
+        {name: _on_grid(s, np.where(left_out, np.nan, values), name) for name, values in fitted.items()},
+        attrs={
+            "model": "f/f(wavelength_n) = (1 + slope (wavelength - wavelength_n)) (F/F(wavelength_n))^p, thesis 4.2",
+            "spectra_left_out": int(left_out.sum()),
+            **_choices(material, p, free, p_bounds, wavelength_n, data),
+        },
+    )
+
+
+def _on_grid(s: Spectra, values: Floats, name: str) -> xr.DataArray:
+    return labelled(s.on_grid(values), name, *_LABELS[name])
+
+
+def _scalar(value: float, name: str) -> xr.DataArray:
+    return labelled(xr.DataArray(float(value)), name, *_LABELS[name])
+
+
+def _choices(
+    material: Any, p: float | str, free: bool, p_bounds: tuple[float, float], wavelength_n: float, data: xr.Dataset
+) -> dict[str, Any]:
+    return {
+        "wavelength_n": float(wavelength_n),
+        "material": "none (F = 1)" if material is None else str(getattr(material, "name", material)),
+        "p": f"fitted within {p_bounds[0]:g} to {p_bounds[1]:g}" if free else f"fixed at {_fixed_p(p):g}",
+        "weights": "brdf_stderr" if "brdf_stderr" in data else "equal",
+    }
+
+
+def _fixed_p(p: float | str) -> float:
+    return 0.0 if isinstance(p, str) else float(p)
+
+
+def _fits_p(s: Spectra, p: float | str, p_bounds: tuple[float, float]) -> bool:
+    """Whether p is a free parameter: asked for, and F depends on wavelength."""
+    if p != "fit":
+        if isinstance(p, str) or not np.isfinite(p):
+            raise InputError(f"p = {p!r}: a number or 'fit' is allowed")
+        return False
+    if not 0 <= p_bounds[0] < p_bounds[1]:
+        raise InputError(f"p_bounds = {p_bounds}: 0 ≤ lower < upper is needed")
+    if np.abs(s.log_fresnel).max() < 1e-12:
+        return False
+    if s.offset.size < FEWEST_FOR_P:
+        raise InputError(
+            f"{s.offset.size} wavelengths are too few to fit p beside the slope, {FEWEST_FOR_P} are needed: fix it, p=1"
+        )
+    return True
+
+
+def _r2(s: Spectra, model: Floats) -> Floats:
+    """(n,) coefficient of determination, unweighted as in the thesis; NaN for a flat spectrum."""
+    valid = s.weight > 0
+    count = np.maximum(valid.sum(axis=1), 1)
+    mean = np.sum(s.values, axis=1, where=valid) / count
+    total = np.sum((s.values - mean[:, None]) ** 2, axis=1, where=valid)
+    rest = np.sum((s.values - model) ** 2, axis=1, where=valid)
+    # below rounding there is nothing to explain
+    return np.where(total > 1e-24 * count, 1.0 - rest / np.where(total > 0, total, 1.0), np.nan)
+
+
+def fit_global_shift(
+    data: xr.Dataset,
+    material: str | Material | None = "Al",
+    p: float | str = "fit",
+    t_y: float | str = "fit",
+    wavelength_n: float = WAVELENGTH_N_NM,
+    p_bounds: tuple[float, float] = P_BOUNDS,
+    w_bounds: tuple[float, float] = W_BOUNDS,
+) -> xr.Dataset:
+    """One slope function m(i, o) = h cos(w θ_m) + t_y for all spectra (thesis 4.3–4.5), fitted with lmfit.
+
+    material, wavelength_n : as in `fit_local_shift`;  p, t_y : "fit" or a fixed value (t_y in nm⁻¹)
+    Returns scalars h, t_y (nm⁻¹), w, p, each with its standard error, r2 of all normalised spectra, and the maps
+    slope_global (nm⁻¹) and theta_m (degree) over (theta_i, theta_o or cell). Standard errors take every spectrum as one
+    observation (sandwich estimate, White 1980, Liang and Zeger 1986): noise that a whole spectrum shares, as that of
+    f(λ_n), is counted once. They are NaN for what is fixed, at a bound, or cannot be told from the data.
+    Raises InputError when fewer than 5 spectra can be used and as `fit_local_shift`.
+    """
+    from .global_fit import solve
+
+    s = normalised_spectra(data, material, wavelength_n)
+    free_p = _fits_p(s, p, p_bounds)
+    if t_y != "fit" and (isinstance(t_y, str) or not np.isfinite(t_y)):
+        raise InputError(f"t_y = {t_y!r}: a number in nm⁻¹ or 'fit' is allowed")
+    if not 0 < w_bounds[0] < w_bounds[1]:
+        raise InputError(f"w_bounds = {w_bounds}: 0 < lower < upper is needed")
+    used = s.used & (np.sum(s.weight > 0, axis=1) >= 2)
+    if used.sum() < 5:
+        raise InputError(f"a global shift needs at least 5 usable spectra, {used.sum()} of {used.size} are")
+    fixed = {"p": None if free_p else _fixed_p(p), "t_y": None if isinstance(t_y, str) else float(t_y)}
+    found = solve(s, used, fixed, p_bounds, w_bounds)
+    m = slope(s.theta_m, found["h"], found["w"], found["t_y"])
+    fitted = normalised_model(s, m, np.full(m.size, found["p"]))
+    return xr.Dataset(
+        {
+            **{name: _scalar(value, name) for name, value in found.items()},
+            "r2": _scalar(_total_r2(s, used, fitted), "r2"),
+            "slope_global": _on_grid(s, m, "slope_global"),
+            "theta_m": _on_grid(s, np.rad2deg(s.theta_m), "theta_m"),
+        },
+        attrs={
+            "model": "slope = h cos(w theta_m) + t_y, thesis 4.3 to 4.5",
+            "spectra_used": int(used.sum()),
+            "spectra_left_out": int((~used).sum()),
+            "t_y": "fitted" if fixed["t_y"] is None else f"fixed at {fixed['t_y']:g} nm-1",
+            "w": f"fitted within {w_bounds[0]:g} to {w_bounds[1]:g}",
+            **_choices(material, p, free_p, p_bounds, wavelength_n, data),
+        },
+    )
+
+
+def _total_r2(s: Spectra, used: NDArray[np.bool_], model: Floats) -> float:
+    valid = (s.weight > 0) & used[:, None]
+    y = s.values[valid]
+    total = np.sum((y - y.mean()) ** 2)
+    return float(1.0 - np.sum((y - model[valid]) ** 2) / total) if total > 1e-24 * y.size else float("nan")

@@ -1,0 +1,122 @@
+"""What both shift fits start from: spectra normalised at λ_n beside the normalised Fresnel reflectance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..dataset import check
+from ..errors import InputError
+from ..materials import Material, material
+from ..models import half_angles
+from ..units import radians
+from .metrics import detector_dim, interpolate_wavelength
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Spectra:
+    """n spectra over n_λ sorted wavelengths, flattened over (θ_i, detector direction).
+
+    offset (n_λ,) : λ − λ_n, nm;  values (n, n_λ) : f/f(λ_n), 0 where not valid;  log_fresnel (n, n_λ) : ln F/F(λ_n)
+    weight (n, n_λ) : 1/σ² of `values` relative to the median, 1 where σ is unknown, 0 where not valid or at λ_n itself
+    anchor_variance (n,) : variance of the relative error of f(λ_n) in units of 1/weight;  theta_m (n,) : radians
+    used (n,) : f(λ_n) positive and known
+    """
+
+    offset: Floats
+    values: Floats
+    log_fresnel: Floats
+    weight: Floats
+    anchor_variance: Floats
+    theta_m: Floats
+    used: NDArray[np.bool_]
+    grid: xr.Dataset
+
+    def on_grid(self, values: Floats) -> xr.DataArray:
+        """(n,) values as an array over (theta_i, theta_o or cell)."""
+        dims = ("theta_i", detector_dim(self.grid))
+        shape = tuple(self.grid.sizes[d] for d in dims)
+        coords = {k: v for k, v in self.grid.coords.items() if "wavelength" not in v.dims}
+        return xr.DataArray(values.reshape(shape), coords, dims)
+
+
+def normalised_spectra(data: xr.Dataset, reflector: str | Material | None, wavelength_n: float) -> Spectra:
+    """Prepare a BRDF for the fits; F is taken at the half-vector angle, 1 where `reflector` is None.
+
+    Raises InputError for fewer than three wavelengths or λ_n outside them, MaterialError outside the material's table.
+    """
+    dim = detector_dim(check(data))
+    data = data.sortby("wavelength").transpose(..., "theta_i", dim, "wavelength")
+    w = data["wavelength"].values
+    if w.size < 3:
+        raise InputError(
+            f"a linear shift needs at least 3 wavelengths, got {w.size} ({', '.join(f'{v:g}' for v in w)} nm)"
+        )
+    if not w[0] <= wavelength_n <= w[-1]:
+        raise InputError(f"wavelength_n = {wavelength_n:g} nm lies outside the wavelengths {w[0]:g} to {w[-1]:g} nm")
+    f = data["brdf"].values.reshape(-1, w.size)
+    f_n = interpolate_wavelength(data[["brdf"]], np.array([wavelength_n]))["brdf"].values.ravel()
+    used = np.isfinite(f_n) & (f_n > 0)
+    scale = np.where(used, f_n, 1.0)
+    values = f / scale[:, None]
+    # the sample at λ_n is 1 by construction and says nothing
+    valid = np.isfinite(values) & used[:, None] & (w != wavelength_n)
+    weight = _weights(data, scale, valid)
+    theta_m, theta_d = _angles(data, dim)
+    return Spectra(
+        w - wavelength_n,
+        np.where(valid, values, 0.0),
+        _log_fresnel(reflector, theta_d, w, wavelength_n),
+        weight,
+        _anchor_variance(w, wavelength_n, weight),
+        theta_m,
+        used,
+        data,
+    )
+
+
+def _weights(data: xr.Dataset, scale: Floats, valid: NDArray[np.bool_]) -> Floats:
+    weight = np.ones(valid.shape)
+    if "brdf_stderr" in data:
+        sigma = data["brdf_stderr"].transpose(*data["brdf"].dims).values.reshape(valid.shape) / scale[:, None]
+        known = np.isfinite(sigma) & (sigma > 0) & valid
+        if np.any(known):
+            median = np.median(sigma[known])
+            # an error far below the others is a lucky estimate from few samples: it must not rule the fit
+            weight = (median / np.maximum(np.where(known, sigma, median), 0.01 * median)) ** 2
+    return np.where(valid, weight, 0.0)
+
+
+def _anchor_variance(w: Floats, wavelength_n: float, weight: Floats) -> Floats:
+    """Variance of f(λ_n)/f from the one or two samples that it is taken from, as if of the neighbours' weight."""
+    right = int(np.clip(np.searchsorted(w, wavelength_n), 1, w.size - 1))
+    t = (wavelength_n - w[right - 1]) / (w[right] - w[right - 1])
+    near = weight[:, max(right - 1, 0) : right + 2]
+    count = np.maximum(np.sum(near > 0, axis=1), 1)
+    typical = np.sum(near, axis=1) / count
+    return ((1 - t) ** 2 + t**2) / np.where(typical > 0, typical, 1.0)
+
+
+def _angles(data: xr.Dataset, dim: str) -> tuple[Floats, Floats]:
+    """θ_m and θ_d of every spectrum, (n,) each, in radians."""
+    theta_i, theta_o = radians(data["theta_i"].values), radians(data["theta_o"].values)
+    if dim == "theta_o":
+        theta_m, theta_d = half_angles(theta_i[:, None], theta_o[None, :])
+    else:
+        phi_i = radians(data["phi_i"].values) if "phi_i" in data.coords else np.zeros(())
+        theta_m, theta_d = half_angles(
+            theta_i[:, None], theta_o[None, :], phi_i.reshape(-1, 1), radians(data["phi_o"].values)
+        )
+    return theta_m.ravel(), theta_d.ravel()
+
+
+def _log_fresnel(reflector: str | Material | None, theta_d: Floats, w: Floats, wavelength_n: float) -> Floats:
+    if reflector is None:
+        return np.zeros((theta_d.size, w.size))
+    source, cosine = material(reflector), np.cos(theta_d)
+    return np.log(source.reflectance(cosine, w) / source.reflectance(cosine, np.array([wavelength_n])))

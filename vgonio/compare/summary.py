@@ -1,0 +1,74 @@
+"""The comparison in a few lines, for a table on the command line."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+Row = dict[str, Any]
+# quantity of a result: name in the table, variable, its standard error
+_SHIFT = (
+    ("height h of the slope", "shift_h", "shift_h_stderr"),
+    ("frequency w of the slope", "shift_w", "shift_w_stderr"),
+    ("offset t_y of the slope", "shift_t_y", "shift_t_y_stderr"),
+    ("Fresnel exponent p", "shift_p", "shift_p_stderr"),
+    ("r2 of the global shift", "shift_r2", None),
+)
+
+
+def summary(comparison: xr.Dataset) -> list[Row]:
+    """Rows with the keys of, quantity, value, error, unit: errors and colour of each pair, shift of each result.
+
+    Values are numbers, None where there is none (NaN); the last rows say what was skipped, value None, reason in unit.
+    """
+    rows = [row for pair in _names(comparison, "pair") for row in _pair_rows(pair, comparison.sel(pair=pair))]
+    for result in _names(comparison, "result"):
+        rows += _result_rows(result, comparison.sel(result=result))
+    for part, reason in json.loads(comparison.attrs.get("skipped", "{}")).items():
+        rows.append({"of": part, "quantity": "left out", "value": None, "error": None, "unit": reason})
+    return rows
+
+
+def _names(comparison: xr.Dataset, dim: str) -> list[str]:
+    return [str(v) for v in comparison[dim].values] if dim in comparison.dims else []
+
+
+def _row(of: str, quantity: str, value: Any, unit: str, error: Any = None) -> Row:
+    return {"of": of, "quantity": quantity, "value": _number(value), "error": _number(error), "unit": unit}
+
+
+def _number(value: Any) -> float | None:
+    return None if value is None or not np.isfinite(value) else float(value)
+
+
+def _pair_rows(pair: str, data: xr.Dataset) -> list[Row]:
+    rows = [
+        _row(pair, "NRMSE of the BRDF", data["nrmse"], "1"),
+        _row(pair, "RMSE of the BRDF", data["rmse"], "sr-1"),
+        _row(pair, "values compared", data["values_compared"], "1"),
+    ]
+    if "delta_e_2000" in data:
+        difference = data["delta_e_2000"].values
+        difference = difference[np.isfinite(difference)]
+        if difference.size:
+            rows.append(_row(pair, "mean colour difference dE00", difference.mean(), "1"))
+            rows.append(_row(pair, "95th percentile of dE00", np.percentile(difference, 95), "1"))
+            rows.append(_row(pair, "largest dE00", difference.max(), "1"))
+    return rows
+
+
+def _result_rows(result: str, data: xr.Dataset) -> list[Row]:
+    rows = []
+    if "slope" in data:
+        slopes = data["slope"].values
+        slopes = slopes[np.isfinite(slopes)]
+        if slopes.size:
+            rows.append(_row(result, "median slope of the shift", np.median(slopes), "nm-1"))
+    for quantity, name, error in _SHIFT:
+        if name in data and np.isfinite(data[name]):
+            stderr = data[error] if error else None
+            rows.append(_row(result, quantity, data[name], str(data[name].attrs["units"]), stderr))
+    return rows
