@@ -21,7 +21,6 @@ import numpy as np
 
 from vgonio import surface as sf
 from vgonio.surface.heightfield import Heightfield
-from vgonio.surface.statistics import beckmann_alpha
 
 FOLDER = Path(__file__).resolve().parent
 PITCH_UM = 0.625
@@ -86,7 +85,7 @@ def tuned(recipe: Recipe, shape: tuple[int, int]) -> Recipe:
         recipe = _with(recipe, i, seed=seed)
         for _ in range(8):
             field = sandblasted(recipe, shape)
-            ratio, height = recipe.alpha / beckmann_alpha(field), recipe.rms_um / field.z.std()
+            ratio, height = recipe.alpha / sf.parameters(field)["alpha"], recipe.rms_um / field.z.std()
             base = recipe.base_rms_um[i] * (height if recipe.base_rms_um[i] else 1)
             if abs(ratio - 1) < 0.005 and (abs(height - 1) < 0.01 or not base):
                 break

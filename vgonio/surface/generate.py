@@ -1,4 +1,4 @@
-"""Surfaces from a formula or a seed: flat, gratings, Gaussian, power-law and sandblasted.
+"""Surfaces from a formula or a seed; the random ones are here, gratings and sandblasting beside this file.
 
 All are periodic unless said otherwise, have mean height 0 and state generator, parameters and seed in their history.
 `shape` is (ny, nx), `pitch_um` a number or (dy, dx); samples sit at cell centres.
@@ -10,16 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from .heightfield import Heightfield, pitch_pair
+from . import checks
+from .gratings import blazed, flat, lamellar, sinusoid
+from .heightfield import Heightfield
+from .sandblasting import sandblasted
+
+__all__ = ["blazed", "flat", "gaussian", "lamellar", "power_law", "sandblasted", "sinusoid"]
 
 Floats = NDArray[np.float64]
 Shape = tuple[int, int]
-
-
-def flat(shape: Shape = (64, 64), pitch_um: float | ArrayLike = 1.0) -> Heightfield:
-    """A perfect mirror: height 0 everywhere, periodic."""
-    _check_grid(shape, pitch_um)
-    return Heightfield(np.zeros(shape), pitch_um, periodic=True, name="flat", history=("generated: flat",))
 
 
 def gaussian(
@@ -39,25 +38,22 @@ def gaussian(
     autocorrelation, so that the autocorrelation of the samples has no aliasing error. The slope α of the ensemble is
     2·Sq/T. Raises InputError for a correlation length below one pitch or above half the shorter side.
     """
-    _check_grid(shape, pitch_um)
-    _positive(rms_um=rms_um, correlation_um=correlation_um)
-    dy, dx = pitch_pair(pitch_um)
+    shape, (dy, dx) = checks.grid(shape, pitch_um)
+    rms, correlation = checks.number("rms_um", rms_um, 0.0), checks.positive("correlation_um", correlation_um)
     side = min(shape[0] * dy, shape[1] * dx)
-    if correlation_um < max(dx, dy):
-        raise InputError(f"correlation_um = {correlation_um:g} µm is below the pitch of {max(dx, dy):g} µm: refine it")
-    if correlation_um > side / 2:
+    if correlation < max(dx, dy):
+        raise InputError(f"correlation_um = {correlation:g} µm is below the pitch of {max(dx, dy):g} µm: refine it")
+    if correlation > side / 2:
         raise InputError(
-            f"correlation_um = {correlation_um:g} µm does not fit a field of {side:g} µm: "
+            f"correlation_um = {correlation:g} µm does not fit a field of {side:g} µm: "
             f"at most half the shorter side, {side / 2:g} µm"
         )
-    rho = [_wrapped_gaussian(n, h, correlation_um) for n, h in zip(shape, (dy, dx))]
+    rho = [_wrapped_gaussian(n, h, correlation) for n, h in zip(shape, (dy, dx))]
     power = np.maximum(np.fft.fft(rho[0]).real[:, None] * np.fft.rfft(rho[1]).real[None], 0.0)
-    z = _filtered_noise(shape, np.sqrt(power), seed) * rms_um
-    z = _scaled(z, rms_um) if exact else z - z.mean()
-    step = f"generated: gaussian rms {rms_um:g} µm, correlation length {correlation_um:g} µm, seed {seed}"
-    return Heightfield(
-        z, pitch_um, periodic=True, name="gaussian", history=(step + ("" if exact else ", ensemble scale"),)
-    )
+    z = _random_field(shape, np.sqrt(power), rms, seed, exact)
+    step = f"generated: gaussian rms {rms:g} µm, correlation length {correlation:g} µm, seed {seed}"
+    step += "" if exact else ", ensemble scale"
+    return Heightfield(z, (dy, dx), periodic=True, name="gaussian", history=(step,))
 
 
 def power_law(
@@ -79,47 +75,26 @@ def power_law(
     Persson et al. 2005, J. Phys. Condens. Matter 17, R1. Raises InputError for cut-offs below two pitches, above the
     side, or in the wrong order.
     """
-    _check_grid(shape, pitch_um)
-    _positive(rms_um=rms_um)
-    dy, dx = pitch_pair(pitch_um)
-    if not 0 < hurst <= 1:
-        raise InputError(f"hurst = {hurst!r}: the Hurst exponent is above 0 and at most 1")
+    shape, (dy, dx) = checks.grid(shape, pitch_um)
+    rms, exponent = checks.number("rms_um", rms_um, 0.0), checks.positive("hurst", hurst, 1.0)
     side = min(shape[0] * dy, shape[1] * dx)
-    long = side if long_cutoff_um is None else float(long_cutoff_um)
-    short = 4 * max(dx, dy) if short_cutoff_um is None else float(short_cutoff_um)
+    long = side if long_cutoff_um is None else checks.positive("long_cutoff_um", long_cutoff_um)
+    short = 4 * max(dx, dy) if short_cutoff_um is None else checks.positive("short_cutoff_um", short_cutoff_um)
     if not 2 * max(dx, dy) <= short < long <= side:
         raise InputError(
             f"cut-offs of {short:g} and {long:g} µm: short_cutoff_um has to be at least two pitches "
             f"({2 * max(dx, dy):g} µm), long_cutoff_um longer than that and at most the side ({side:g} µm)"
         )
     f = np.hypot(np.fft.fftfreq(shape[0], dy)[:, None], np.fft.rfftfreq(shape[1], dx)[None])
-    amplitude = np.where(f <= 1 / short, np.maximum(f, 1 / long) ** (-1 - hurst), 0.0)
+    amplitude = np.where(f <= 1 / short, np.maximum(f, 1 / long) ** (-1 - exponent), 0.0)
     amplitude[0, 0] = 0.0
-    mean_power = _mean_power(amplitude, shape)
-    z = _filtered_noise(shape, amplitude / np.sqrt(mean_power), seed) * rms_um
-    z = _scaled(z, rms_um) if exact else z - z.mean()
-    step = f"generated: power_law rms {rms_um:g} µm, H {hurst:g}, {short:g} to {long:g} µm, seed {seed}"
-    return Heightfield(
-        z, pitch_um, periodic=True, name="power_law", history=(step + ("" if exact else ", ensemble scale"),)
-    )
-
-
-# ---- common parts
-def _check_grid(shape: Shape, pitch_um: float | ArrayLike) -> None:
-    try:
-        ny, nx = (int(n) for n in shape)
-        whole = (ny, nx) == tuple(shape)
-    except (TypeError, ValueError):
-        raise InputError(f"shape = {shape!r}: give (rows, columns)") from None
-    if not whole or ny < 1 or nx < 1 or ny * nx < 2:
-        raise InputError(f"shape = {shape!r}: (rows, columns), whole numbers with at least two samples together")
-    pitch_pair(pitch_um)
-
-
-def _positive(**values: float) -> None:
-    for name, value in values.items():
-        if not (np.isscalar(value) and np.isfinite(value) and value > 0):
-            raise InputError(f"{name} = {value!r}: it has to be positive and finite")
+    power = _mean_power(amplitude, shape)
+    if power == 0:
+        raise InputError(f"no wavelength of a field of {side:g} µm lies between {short:g} and {long:g} µm")
+    z = _random_field(shape, amplitude / np.sqrt(power), rms, seed, exact)
+    step = f"generated: power_law rms {rms:g} µm, H {exponent:g}, {short:g} to {long:g} µm, seed {seed}"
+    step += "" if exact else ", ensemble scale"
+    return Heightfield(z, (dy, dx), periodic=True, name="power_law", history=(step,))
 
 
 def _wrapped_gaussian(n: int, h: float, correlation: float) -> Floats:
@@ -130,10 +105,12 @@ def _wrapped_gaussian(n: int, h: float, correlation: float) -> Floats:
     return np.exp(-(((lag[:, None] + turns * side) / correlation) ** 2)).sum(axis=1)
 
 
-def _filtered_noise(shape: Shape, amplitude: Floats, seed: int) -> Floats:
-    """White noise of unit variance times `amplitude` (ny, nx // 2 + 1) in the frequency domain."""
-    noise = np.random.default_rng(seed).standard_normal(shape)
-    return np.fft.irfft2(np.fft.rfft2(noise) * amplitude, s=shape)
+def _random_field(shape: Shape, amplitude: Floats, rms: float, seed: int, exact: bool) -> Floats:
+    """Unit white noise times `amplitude` (ny, nx // 2 + 1) in the frequency domain; mean 0, Sq `rms` where `exact`."""
+    noise = checks.generator(seed).standard_normal(shape)
+    z = np.fft.irfft2(np.fft.rfft2(noise) * amplitude, s=shape)
+    z -= z.mean()
+    return z * (rms / z.std() if exact else rms)
 
 
 def _mean_power(amplitude: Floats, shape: Shape) -> float:
@@ -143,8 +120,3 @@ def _mean_power(amplitude: Floats, shape: Shape) -> float:
     if shape[1] % 2 == 0:
         twice[-1] = 1.0
     return float((amplitude**2 * twice).sum() / (shape[0] * shape[1]))
-
-
-def _scaled(z: Floats, rms: float) -> Floats:
-    z = z - z.mean()
-    return z * (rms / z.std())

@@ -9,12 +9,15 @@ metal is not piled up around the cavity: the model is meant for coverages up to 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from .heightfield import Heightfield, pitch_pair
+from . import checks
+from .gratings import flat
+from .heightfield import Heightfield
 
 Floats = NDArray[np.float64]
 
@@ -52,21 +55,24 @@ def sandblasted(
 
     Raises InputError for impossible beads, depths or coverages.
     """
-    if base is not None:
-        shape, pitch_um = base.shape, base.pitch_um
-        base.require_complete()
-    pitch = pitch_pair(pitch_um)
-    blur = max(pitch) if resolution_um is None else float(resolution_um)
-    _check(bead_diameter_um, depth_um, depth_spread, coverage, blur)
-    start = Heightfield(np.zeros(shape) if base is None else base.z, pitch, periodic=True)
-    hits = impacts(start.size_um, bead_diameter_um, depth_um, depth_spread, coverage, seed)
-    z = blurred(stamped(start.z, pitch, hits), pitch, blur)
+    if base is None:
+        base = flat(shape, pitch_um)
+    elif not isinstance(base, Heightfield) or not base.periodic:
+        raise InputError(f"base = {base!r}: a periodic Heightfield is needed")
+    base.require_complete()
+    low, high = _beads(bead_diameter_um)
+    depth = checks.positive("depth_um", depth_um, (low + high) / 4)
+    spread = checks.number("depth_spread", depth_spread, 0.0, 1.0)
+    covered = checks.positive("coverage", coverage, 100.0)
+    blur = max(base.pitch_um) if resolution_um is None else checks.number("resolution_um", resolution_um, 0.0)
+    hits = impacts(base.size_um, (low, high), depth, spread, covered, seed)
+    z = blurred(stamped(base.z, base.pitch_um, hits), base.pitch_um, blur)
     step = (
-        f"generated: sandblasted, {hits.x.size} cavities of beads {bead_diameter_um[0]:g} to {bead_diameter_um[1]:g} µm, "
-        f"depth {depth_um:.6g} µm ± {depth_spread:.0%}, coverage {coverage:.6g}, resolution {blur:g} µm, seed {seed}"
+        f"generated: sandblasted, {hits.x.size} cavities of beads {low:g} to {high:g} µm, depth {depth:.6g} µm "
+        f"± {spread:.0%}, coverage {covered:.6g}, resolution {blur:g} µm, seed {seed}"
     )
-    history = (*(base.history if base is not None else ()), step)
-    return Heightfield(z - z.mean(), pitch, periodic=True, name="sandblasted", history=history)
+    history = (*base.history, step)
+    return Heightfield(z - z.mean(), base.pitch_um, periodic=True, name="sandblasted", history=history)
 
 
 def impacts(
@@ -82,7 +88,7 @@ def impacts(
     low, high = (d / 2 for d in bead_diameter_um)
     mean_radius = (low + high) / 2
     count = int(round(coverage * ly * lx / (np.pi * (2 * mean_radius * depth_um - depth_um**2))))
-    rng = np.random.default_rng(seed)
+    rng = checks.generator(seed)
     # one row an impact: more impacts of one seed continue the same sequence
     draw = rng.random((count, 4))
     radius = low + (high - low) * draw[:, 2]
@@ -123,23 +129,27 @@ def blurred(z: Floats, pitch: tuple[float, float], width_um: float) -> Floats:
     return np.fft.irfft2(np.fft.rfft2(z) * transfer, s=z.shape)
 
 
-def _window(shape: tuple[int, ...], pitch: tuple[float, float], x: float, y: float, reach: float):
+def _window(
+    shape: tuple[int, ...], pitch: tuple[float, float], x: float, y: float, reach: float
+) -> tuple[tuple[Any, Any], Floats]:
     """Index of the samples within a square of half side `reach` around (x, y), wrapped, and their squared distance."""
-    index, square = [], []
-    for n, h, c in zip(shape, pitch, (y, x)):
+    (rows, y2), (columns, x2) = (_span(n, h, c, reach) for n, h, c in zip(shape, pitch, (y, x)))
+    r2 = y2[:, None] + x2[None]
+    if isinstance(rows, slice) and isinstance(columns, slice):
+        return (rows, columns), r2
+    every = (np.arange(shape[0])[rows], np.arange(shape[1])[columns])
+    return np.ix_(*every), r2  # type: ignore[return-value]
+
+
+def _span(n: int, h: float, centre: float, reach: float) -> tuple[slice | NDArray[np.intp], Floats]:
+    """Samples of one axis within `reach` of a centre: a slice where it does not wrap, and squared distances."""
+    first, last = int(np.floor((centre - reach) / h)), int(np.ceil((centre + reach) / h))
+    if last - first + 1 > n:
         # at most one turn: a bead wider than the field would otherwise write a sample twice
-        first, last = int(np.floor((c - reach) / h)), int(np.ceil((c + reach) / h))
-        if last - first + 1 > n:
-            first = int(np.floor(c / h)) - n // 2
-            last = first + n - 1
-        i = np.arange(first, last + 1)
-        square.append(((i + 0.5) * h - c) ** 2)
-        index.append(slice(first, last + 1) if first >= 0 and last < n else i % n)
-    if all(isinstance(i, slice) for i in index):
-        where = (index[0], index[1])
-    else:
-        where = np.ix_(*(np.arange(n)[i] for i, n in zip(index, shape)))
-    return where, square[0][:, None] + square[1][None]
+        first = int(np.floor(centre / h)) - n // 2
+        last = first + n - 1
+    i = np.arange(first, last + 1)
+    return slice(first, last + 1) if first >= 0 and last < n else i % n, ((i + 0.5) * h - centre) ** 2
 
 
 def _standard_normal(uniform: Floats) -> Floats:
@@ -148,19 +158,11 @@ def _standard_normal(uniform: Floats) -> Floats:
     return ndtri(np.clip(uniform, 1e-12, 1 - 1e-12))
 
 
-def _check(
-    bead_diameter_um: tuple[float, float], depth_um: float, depth_spread: float, coverage: float, blur: float
-) -> None:
-    beads = np.asarray(bead_diameter_um, dtype=float)
-    if beads.shape != (2,) or not 0 < beads[0] <= beads[1] < np.inf:
+def _beads(bead_diameter_um: tuple[float, float]) -> tuple[float, float]:
+    try:
+        low, high = (checks.positive("bead_diameter_um", d) for d in bead_diameter_um)
+    except (TypeError, ValueError):
+        low = high = np.nan
+    if not low <= high:
         raise InputError(f"bead_diameter_um = {bead_diameter_um!r}: (smallest, largest), both positive, in µm")
-    if not 0 < depth_um <= beads.mean() / 2:
-        raise InputError(
-            f"depth_um = {depth_um!r}: positive and at most the mean bead radius, {beads.mean() / 2:g} µm"
-        )
-    if not 0 <= depth_spread <= 1:
-        raise InputError(f"depth_spread = {depth_spread!r}: a relative standard deviation from 0 to 1")
-    if not 0 < coverage <= 100:
-        raise InputError(f"coverage = {coverage!r}: cavities above a point, above 0 and at most 100")
-    if not 0 <= blur < np.inf:
-        raise InputError(f"resolution_um = {blur!r}: zero or a positive width in µm")
+    return low, high

@@ -100,10 +100,9 @@ def _heightfield(
         raise FileFormatError(f"{path}: this {raw.format} file has no pitch: give pitch_um (µm)")
     else:
         pitch = _pitch_of_file(raw, path)
-    factor = to_um(raw.height_unit)
+    factor = _height_factor(raw, path, height_unit)
     if height_unit is not None:
-        factor = to_um(height_unit)
-        steps.append(f"heights taken as {height_unit} (file: {raw.height_unit})")
+        steps.append(f"heights taken as {height_unit} (file: {raw.height_unit or 'no unit'})")
     if interpolation is not None and interpolation not in KINDS:
         raise InputError(f"interpolation {interpolation!r}: {nearest(str(interpolation), KINDS)}")
     heights = np.where(np.isfinite(raw.heights), raw.heights, np.nan) * factor
@@ -118,6 +117,20 @@ def _heightfield(
         history=tuple(steps),
         meta={**raw.meta, "file": path.name, "format": raw.format},
     )
+
+
+def _height_factor(raw: RawSurface, path: Path, height_unit: str | None) -> float:
+    """Micrometres per unit of the numbers in the file."""
+    if height_unit is not None:
+        return to_um(height_unit)
+    if raw.height_unit is None:
+        raise FileFormatError(f"{path}: this {raw.format} file has no unit of heights: give height_unit")
+    try:
+        return to_um(raw.height_unit)
+    except InputError:
+        raise FileFormatError(
+            f"{path}: heights are in {raw.height_unit!r}, which is no known length: give height_unit"
+        ) from None
 
 
 def _pitch_of_file(raw: RawSurface, path: Path) -> tuple[float, float]:

@@ -37,7 +37,9 @@ def _header(line: str, path: Path) -> tuple[int, int, tuple[float, float] | None
         sizes = [math.nan]
         columns = rows = 0
     if words[0] != "AsciiMatrix" or len(sizes) not in (0, 2) or any(math.isnan(s) for s in sizes):
-        raise FileFormatError(f"{path}: the first line is not 'AsciiMatrix columns rows [du dv]': {line.strip()[:60]!r}")
+        raise FileFormatError(
+            f"{path}: the first line is not 'AsciiMatrix columns rows [du dv]': {line.strip()[:60]!r}"
+        )
     return columns, rows, (sizes[1], sizes[0]) if sizes else None
 
 

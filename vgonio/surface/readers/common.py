@@ -20,12 +20,13 @@ MAX_POINTS = 10**8
 class RawSurface:
     """What a file says: heights as they stand in it and the unit they are in.
 
-    heights : (ny, nx) float64 in `height_unit`, NaN where missing, y growing with the row
+    heights : (ny, nx) float64 in `height_unit` (None where the file does not say), NaN where missing, y growing
+        with the row
     pitch_um : (dy, dx) in µm, or None where the file does not say
     """
 
     heights: NDArray[np.float64]
-    height_unit: str
+    height_unit: str | None
     pitch_um: tuple[float, float] | None
     format: str
     notes: tuple[str, ...] = ()

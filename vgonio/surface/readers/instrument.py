@@ -14,7 +14,7 @@ import numpy as np
 
 from ...errors import FileFormatError, InputError
 from ...units import to_um
-from .common import MAX_POINTS, Format, RawSurface, require_points
+from .common import Format, RawSurface, require_points
 
 # suffix → name; a test compares this with the library, which is slow to import
 SUFFIXES: dict[str, str] = {
@@ -79,7 +79,7 @@ def read(path: Path) -> RawSurface:
             return _surface(reader, path)
         except FileFormatError:
             raise
-        except Exception as e:  # noqa: BLE001 - forty readers fail in as many ways on damaged files
+        except Exception as e:  # forty readers fail in as many ways on damaged files
             raise FileFormatError(f"{path}: the {SUFFIXES[path.suffix.lower()]} file is damaged ({_line(e)})") from None
         finally:
             reader.close()
@@ -99,7 +99,7 @@ def _reader(path: Path) -> Any:
     for candidate in (*of_suffix, *of_bytes):
         try:
             return candidate(str(path))
-        except Exception as e:  # noqa: BLE001 - see above
+        except Exception as e:  # see above
             reason = _line(e)
     raise FileFormatError(f"{path} cannot be read as {SUFFIXES[suffix]}: {reason}")
 
@@ -109,7 +109,7 @@ def _surface(reader: Any, path: Path) -> RawSurface:
     points = channel.nb_grid_pts
     rows, columns = (points[1], points[0]) if len(points) == 2 else (1, points[0])
     require_points(rows, columns, path)
-    if rows * columns > max(_POINTS_PER_BYTE * path.stat().st_size, 2) or rows * columns > MAX_POINTS:
+    if rows * columns > _POINTS_PER_BYTE * path.stat().st_size:
         raise FileFormatError(f"{path}: {columns} × {rows} points declared in {path.stat().st_size} bytes: damaged")
     unknown_size = channel.physical_sizes is None
     topography = channel.topography(**({"physical_sizes": tuple(float(n) for n in points)} if unknown_size else {}))
@@ -117,19 +117,15 @@ def _surface(reader: Any, path: Path) -> RawSurface:
         raise FileFormatError(f"{path}: the points do not lie on a regular grid: only regular grids are read")
     heights = np.ma.filled(np.ma.asarray(topography.heights()).astype(np.float64), np.nan)
     unit = topography.unit
-    pitch = None if unknown_size or unit is None else _pitch(topography, unit, path)
     z = heights.T if heights.ndim == 2 else heights[None, :]
-    if unit is None:
-        raise FileFormatError(f"{path}: the file gives no unit of length: convert it to one that does")
-    info = {"instrument": str(dict(topography.info).get("instrument") or "")}
     return RawSurface(
         np.ascontiguousarray(z),
         unit,
-        pitch,
+        None if unknown_size else _pitch(topography, unit),
         SUFFIXES[path.suffix.lower()],
         notes=notes,
         periodic=bool(topography.is_periodic),
-        meta={k: v for k, v in info.items() if v},
+        meta=_instrument(topography),
     )
 
 
@@ -145,11 +141,18 @@ def _channel(reader: Any, path: Path) -> tuple[Any, tuple[str, ...]]:
     return chosen, (f"channel {chosen.name!r} of {len(reader.channels)} ({names})",)
 
 
-def _pitch(topography: Any, unit: str, path: Path) -> tuple[float, float]:
+def _instrument(topography: Any) -> dict[str, str]:
+    """What the file says about the instrument, as text."""
+    found = dict(topography.info).get("instrument") or {}
+    return {f"instrument_{k}": str(v) for k, v in dict(found).items() if isinstance(v, str | int | float)}
+
+
+def _pitch(topography: Any, unit: str | None) -> tuple[float, float] | None:
+    """(dy, dx) in µm, or None where the file's unit of length is missing or unknown: it has to be given then."""
     try:
-        factor = to_um(unit)
+        factor = to_um(unit or "")
     except InputError:
-        raise FileFormatError(f"{path}: the file's unit of length is {unit!r}, which is unknown") from None
+        return None
     pitch = [float(p) * factor for p in np.atleast_1d(topography.pixel_size)]
     return (pitch[1], pitch[0]) if len(pitch) == 2 else (pitch[0], pitch[0])
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import gzip
 import struct
 import zlib
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -70,7 +70,7 @@ def encode(
         body = "\n".join(" ".join(f"{v:.9g}" for v in row) for row in z).encode()
     if compression != "none":
         body = zlib.compress(body, 6) if compression == "zlib" else gzip.compress(body, 6, mtime=0)
-    when = time or datetime.now(timezone.utc).isoformat(timespec="seconds")
+    when = time or datetime.now(UTC).isoformat(timespec="seconds")
     header = HEADER.pack(
         b"VGMS",
         VERSION,
