@@ -51,7 +51,7 @@ def levelling(scene: Scene, source: Heightfield) -> str:
 
 
 def prepared_surface(scene: Scene, source: Heightfield | None = None) -> Heightfield:
-    """The surface that is measured: read or generated, cropped, filled, levelled and filtered, in this order.
+    """The surface that is measured: read or generated, then cropped, outliers out, filled, levelled and filtered.
 
     Raises InputError for missing points that the scene does not fill.
     """
@@ -61,6 +61,8 @@ def prepared_surface(scene: Scene, source: Heightfield | None = None) -> Heightf
     made = source_surface(scene) if source is None else source
     if asked.crop_um is not None:
         made = made.cropped(asked.crop_um)
+    if asked.outliers is not None:
+        made = surface.remove_outliers(made, asked.outliers)
     if made.missing:
         if asked.fill == "error":
             made.require_complete()

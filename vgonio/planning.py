@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 OWN_FORMATS = (".npz", ".vgms", ".txt", ".asc", ".csv")
 
 
+FEWEST_FOR_SHIFT = 3  # wavelengths: a line through two points fits whatever they are
+
+
 @dataclass(frozen=True)
 class Stage:
     """One step: needed or left out, and why; the library it loads and what it costs, roughly."""
@@ -100,8 +103,9 @@ def _left_out(names: Iterable[str], why: str) -> list[Stage]:
 def _surface_stages(scene: Scene, source: Heightfield | None) -> list[Stage]:
     if scene.surface is None or source is None:
         return _left_out(("read surface", "generate surface"), "the scene has no [surface]")
-    asked, (ny, nx) = scene.surface, source.shape
-    size = f"{nx} × {ny} points, {source.size_um[1]:g} × {source.size_um[0]:g} µm"
+    from .surface import describe_import
+
+    asked, size = scene.surface, describe_import(source)
     if asked.file is not None:
         path = Path(asked.file)
         library = "numpy" if path.suffix.lower() in OWN_FORMATS else "SurfaceTopography"
@@ -183,12 +187,19 @@ def _verdict_stages(scene: Scene) -> list[Stage]:
     measured = Stage(
         "measured", bool(file), Path(file).name if file else "the scene has no [measured]", "json" if file else ""
     )
+    if not results:
+        return [measured, *_left_out(("shift", "compare", "colour"), "no result to judge")]
+    fitted = scene.light is None or len(scene.light.wavelength_nm) >= FEWEST_FOR_SHIFT
+    few = f"fewer than {FEWEST_FOR_SHIFT} wavelengths"
+    shift = Stage(
+        "shift", fitted, f"linear shift of {', '.join(results)}" if fitted else few, "lmfit" if fitted else ""
+    )
     if len(results) < 2:
-        why = f"only one result ({results[0]}): nothing to compare with" if results else "no result to compare"
-        return [measured, *_left_out(("compare", "colour"), why)]
+        return [measured, shift, *_left_out(("compare", "colour"), f"nothing to compare {results[0]} with")]
     why = " with ".join(results) if len(results) == 2 else ", ".join(results) + " with each other"
     return [
         measured,
+        shift,
         Stage("compare", True, why, "scipy", f"pairs: {len(results) * (len(results) - 1) // 2}"),
         Stage("colour", True, "ΔE₀₀ and RGB of each result", "colour-science"),
     ]

@@ -30,6 +30,7 @@ from . import __version__
 from .directions import Detector as DetectorCheck
 from .directions import Incoming, angle_list, wavelength_list
 from .errors import FileFormatError, InputError, nearest
+from .surface.filter import FILLS, LEVELS
 from .surface.heightfield import pitch_pair
 from .surface.interpolant import KINDS
 from .units import to_um
@@ -37,7 +38,6 @@ from .units import to_um
 THEORIES = ("kirchhoff", "generalized-harvey-shack", "harvey-shack")
 LATER_THEORIES = ("iterated-kirchhoff", "full-wave")
 METHODS = ("auto", "nufft", "opencl", "reference")
-LEVELS = ("none", "mean", "plane", "quadratic")
 GENERATORS = ("flat", "sinusoid", "lamellar", "blazed", "gaussian", "power_law", "sandblasted")
 MAX_LIST = 100_000
 
@@ -150,7 +150,8 @@ class Surface(Table):
     crop_um: Positive | list[Positive] | None = None
     level: Annotated[str, one_of(LEVELS)] | None = None
     filter: Filter | None = None
-    fill: str = "error"
+    outliers: Annotated[float, Field(ge=3, allow_inf_nan=False)] | None = None
+    fill: Annotated[str, one_of(("error", *FILLS))] = "error"
 
     @model_validator(mode="after")
     def _one_source(self) -> Surface:

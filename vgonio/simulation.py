@@ -103,7 +103,7 @@ def _groups(scene: Scene, plan: Plan, inputs: assembly.Inputs, run: _Run) -> Ite
     for name, data in _results(scene, plan, inputs, run):
         results[name] = data
         yield name, data
-    if plan.needs("compare"):
+    if plan.needs("compare") or plan.needs("shift"):
         from .compare import compare
 
         with run.part("comparison"):

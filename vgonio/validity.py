@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from .surface.statistics import parameters, slopes
 
 if TYPE_CHECKING:
     from .surface import Heightfield
-
-Floats = NDArray[np.float64]
 
 STEEP_DEG = 30.0  # a facet steeper than this throws normally incident light onto a neighbour of the same slope
 STEEP_SHARE = 0.01
@@ -19,26 +18,10 @@ CURVATURE_FACTOR = 10.0  # "much larger" of Beckmann and Spizzichino 1963: 4π r
 FEW_WINDOWS = 10
 
 
-def gradients(surface: Heightfield) -> tuple[Floats, Floats]:
-    """∂z/∂y and ∂z/∂x from differences of neighbours, both (ny − 1, nx − 1); profiles count as flat across."""
-    z = surface.z
-    if min(z.shape) < 2:
-        z = np.vstack([z, z]) if z.shape[0] < 2 else np.hstack([z, z])
-    gy = np.diff(z, axis=0)[:, :-1] / surface.dy
-    gx = np.diff(z, axis=1)[:-1] / surface.dx
-    return gy, gx
-
-
-def alpha(surface: Heightfield) -> float:
-    """Beckmann's slope α = √2 · one-axis RMS slope."""
-    gy, gx = gradients(surface)
-    return float(np.sqrt(np.mean(gy**2) + np.mean(gx**2)))
-
-
 def steep_share(surface: Heightfield) -> float:
     """Share of the projected area that is steeper than STEEP_DEG."""
-    gy, gx = gradients(surface)
-    return float(np.mean(np.hypot(gy, gx) > np.tan(np.deg2rad(STEEP_DEG))))
+    zx, zy = slopes(surface)
+    return float(np.mean(np.hypot(zx, zy) > np.tan(np.deg2rad(STEEP_DEG))))
 
 
 def curvature_radius_um(surface: Heightfield) -> float:
@@ -79,7 +62,7 @@ def _steep(surface: Heightfield) -> list[str]:
 
 
 def _grazing(surface: Heightfield, largest: float) -> list[str]:
-    a = alpha(surface)
+    a = parameters(surface)["alpha"]
     limit = float(np.rad2deg(np.arctan(1 / (SMITH_LIMIT * a)))) if a > 0 else 90.0
     if largest <= limit or surface.interpolation == "nearest":
         return []

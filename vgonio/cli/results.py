@@ -22,9 +22,13 @@ def compare(
             show_default=False,
         ),
     ],
-    material: Annotated[
-        str | None, typer.Option("--material", help="For fits that need Fresnel's equations, for example Al.")
+    reference: Annotated[
+        str | None,
+        typer.Option("--reference", metavar="NAME", help="What the others are measured against; else the last."),
     ] = None,
+    material: Annotated[
+        str, typer.Option("--material", help="Of the Fresnel reflectance in the fits of the shift, or none.")
+    ] = "Al",
     as_json: Json = False,
     threads: Threads = None,
     quiet: Quiet = False,
@@ -42,12 +46,13 @@ def compare(
     if len(data) < 2:
         raise InputError(f"nothing to compare: {', '.join(map(str, files))} holds one BRDF, at least two are needed")
     from ..compare import compare as run
+    from ..compare import summary
 
-    table = _rows(run(data, material=material))
+    rows = summary(run(data, reference=reference, material=None if material == "none" else material))
     if as_json:
-        print_json(table)
-    elif table:
-        print_table("Comparison", list(table[0]), [list(r.values()) for r in table])
+        print_json(rows)
+    else:
+        print_table("", list(rows[0]), [list(r.values()) for r in rows])
 
 
 def _load(file: Path) -> dict[str, Any]:
@@ -69,11 +74,6 @@ def _load(file: Path) -> dict[str, Any]:
 
 def _unused(name: str, taken: dict[str, Any]) -> str:
     return name if name not in taken else next(n for i in range(2, 1000) if (n := f"{name} ({i})") not in taken)
-
-
-def _rows(comparison: Any) -> list[dict[str, Any]]:
-    """One row a pair: the scalar figures of the comparison."""
-    return comparison
 
 
 def report(

@@ -51,16 +51,26 @@ def simulate(
     with progress_bars() as progress:
         tree = run(checked, progress=progress, output=output, report=report)
     _warn(json.loads(tree.attrs["plan"])["warnings"])
-    rows = _parts(tree)
     if as_json:
-        print_json({"title": tree.attrs["title"], "parts": rows})
-    else:
-        if not quiet:
-            columns = ("part", "seconds", "error asked", "error achieved", "backend")
-            print_table(tree.attrs["title"], columns, [list(r.values()) for r in rows])
+        print_json({"title": tree.attrs["title"], "parts": _parts(tree)})
+    elif not quiet:
+        _tell(tree)
         for what, asked, named in (("result", output, checked.output.file), ("page", report, checked.output.report)):
             if asked is not None or named is not None:
-                say(f"{what}: {asked if asked is not None else checked.resolve(str(named))}")
+                print(f"{what}: {asked if asked is not None else checked.resolve(str(named))}")
+
+
+def _tell(tree: Any) -> None:
+    """What was simulated: the surface in a line, error and seconds of each part."""
+    columns = ("part", "seconds", "error asked", "error achieved", "backend")
+    print(_imported(tree) or tree.attrs["title"])
+    print_table("", columns, [list(r.values()) for r in _parts(tree)])
+
+
+def _imported(tree: Any) -> str:
+    """Points, pitch, size and Sq of the surface, or nothing."""
+    stages = json.loads(tree.attrs["plan"])["stages"]
+    return next((s["cost"] for s in stages if s["needed"] and s["name"].endswith(" surface")), "")
 
 
 def _parts(tree: Any) -> list[dict[str, Any]]:
