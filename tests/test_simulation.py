@@ -84,9 +84,15 @@ def test_the_groups_are_those_of_the_scene(stand_ins):
 
 
 def test_what_is_absent_is_not_made(stand_ins):
-    tree = simulate(scene(wave=None))
+    tree = simulate(scene(wave=None), ["light.wavelength_nm=500"])
     assert list(tree.children) == ["surface", "rays"]
     assert stand_ins.calls == ["rays"]
+
+
+def test_one_result_with_a_spectrum_is_judged_by_itself(stand_ins):
+    tree = simulate(scene(wave=None))
+    assert list(tree.children) == ["surface", "rays", "comparison"]
+    assert "slope" in tree["comparison"].data_vars
 
 
 def test_attributes_tell_how_the_result_came_about(stand_ins):

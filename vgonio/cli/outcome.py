@@ -38,8 +38,11 @@ def _command(arguments: list[str], kept: _Warnings) -> int:
 
     try:
         with kept:
-            result = app(args=arguments, prog_name="vgonio", standalone_mode=False)
-        return result if isinstance(result, int) else DONE
+            # not app(): that would end an interruption before its notes are read
+            command = typer.main.get_command(app)
+            with command.make_context("vgonio", list(arguments)) as context:
+                command.invoke(context)
+        return DONE
     except typer.Exit as e:
         return e.exit_code
     except USAGE_ERROR as e:
