@@ -157,5 +157,10 @@ def measured_result() -> xr.Dataset:
 
 
 @pytest.fixture(scope="session")
+def hemisphere_rays() -> xr.Dataset:
+    return rays(wavelength=np.array([450.0, 550.0, 650.0]), hemisphere=True, theta_i=np.array([0.0, 30.0]))
+
+
+@pytest.fixture(scope="session")
 def surface_summary() -> xr.Dataset:
     return surface()

@@ -10,6 +10,11 @@ import xarray as xr
 
 TOO_FEW = 0.25  # relative standard error of a bin above which its split is not drawn: fewer than about 16 rays
 NAMES = {"rays": "Rays", "waves": "Waves", "measured": "Measured"}
+THEORIES = {
+    "kirchhoff": "Kirchhoff",
+    "generalized-harvey-shack": "generalized Harvey–Shack",
+    "harvey-shack": "Harvey–Shack",
+}
 
 
 def results(tree: xr.DataTree) -> dict[str, xr.Dataset]:
@@ -28,10 +33,16 @@ def sort(data: xr.Dataset) -> xr.Dataset:
 
 
 def title(name: str, data: xr.Dataset) -> str:
-    """What a result is called on the page: Rays, Waves (kirchhoff), Measured, …"""
-    theory = data.attrs.get("theory")
+    """What a result is called on the page: Rays, Waves (Kirchhoff), Measured, …"""
     base = NAMES.get(name) or NAMES.get(name.split("_")[0], name)
-    return f"{base} ({theory})" if theory and base == "Waves" else base
+    theory = str(data.attrs.get("theory", ""))
+    return f"{base} ({THEORIES.get(theory, theory)})" if theory and base == "Waves" else base
+
+
+def in_words(name: str, data: xr.Dataset) -> str:
+    """The same inside a sentence: the rays, the waves (Kirchhoff), the measurement."""
+    called = title(name, data)
+    return "the measurement" if name == "measured" else f"the {called[0].lower()}{called[1:]}"
 
 
 def in_plane(data: xr.Dataset) -> bool:

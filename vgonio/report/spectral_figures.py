@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NORMALISED_AT = 600.0  # nm, λ_n of the thesis
+LARGEST_DELTA_E = 20.0  # colours are altogether different beyond; the scale of the maps ends there at the latest
 
 
 @styled

@@ -1,0 +1,156 @@
+"""The tables of the page: error and seconds of each part, the surface's parameters, the plan, provenance."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import xarray as xr
+
+from . import quantities as q
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under a head; columns in `numeric` are set to the right, rows in `faded` are grey."""
+
+    head: tuple[str, ...]
+    rows: Sequence[tuple[str, ...]]
+    numeric: tuple[int, ...] = ()
+    faded: tuple[int, ...] = ()
+    caption: str = ""
+
+
+def number(value: Any, digits: int = 3) -> str:
+    """A number for people: significant digits, real minus, 4·10⁻⁴ for small ones; text as it is, – for nothing."""
+    if value is None or value == "":
+        return "–"
+    try:
+        x = float(value)
+    except (TypeError, ValueError):
+        return str(value)
+    if math.isnan(x):
+        return "–"
+    if x == 0 or not math.isfinite(x):
+        return f"{x:g}".replace("inf", "∞").replace("-", "−")
+    if 1e-3 <= abs(x) < 1e6:
+        text = f"{x:.{max(0, digits - 1 - math.floor(math.log10(abs(x))))}f}" if abs(x) < 10**digits else f"{x:,.0f}"
+        return text.replace(",", "\u202f").replace("-", "−")
+    mantissa, power = f"{x:.{max(0, digits - 2)}e}".split("e")
+    from .style import SUPERSCRIPT
+
+    return f"{mantissa}·10{str(int(power)).translate(SUPERSCRIPT)}".replace("-", "−")
+
+
+def percent(share: float, digits: int = 2) -> str:
+    """0.123 → 12 %; below a thousandth of a percent in powers of ten."""
+    if share is None or not math.isfinite(share):
+        return "–"
+    x = 100 * share
+    if x == 0 or abs(x) >= 10**digits:
+        return f"{x:.0f} %".replace("-", "−")
+    return f"{number(x, digits)} %"
+
+
+def first(attrs: Mapping[Any, Any], *names: str, default: Any = None) -> Any:
+    """The first attribute of these names that is there."""
+    return next((attrs[n] for n in names if n in attrs and attrs[n] != ""), default)
+
+
+def errors_and_seconds(results: Mapping[str, xr.Dataset], seconds: Mapping[str, float]) -> Table:
+    """Error and seconds of every part on one line, the error with how it was estimated."""
+    head = ("Part", "Made by", "Standard error, median", "Error asked", "achieved", "estimated from", "Seconds", "Seed")
+    rows = []
+    for name, data in results.items():
+        a = data.attrs
+        made = ", ".join(str(x) for x in (first(a, "backend"), first(a, "device")) if x) or str(
+            first(a, "method", default="–")
+        )
+        rows.append(
+            (
+                q.title(name, data),
+                made,
+                percent(q.relative_error(data)),
+                number(first(a, "tolerance_asked", "tolerance", "tol"), 2),
+                number(first(a, "error_achieved", "error"), 2),
+                str(first(a, "error_estimate", "error_estimated", default="–")),
+                number(first(a, "seconds", default=seconds.get(name)), 3),
+                number(first(a, "seed")),
+            )
+        )
+    known = {*results}
+    for part, time in seconds.items():
+        if part not in known:
+            rows.append((part.capitalize(), "", "", "", "", "", number(time, 3), ""))
+    if seconds:
+        rows.append(("All parts", "", "", "", "", "", number(sum(seconds.values()), 3), ""))
+    return Table(head, rows, numeric=(2, 3, 4, 6, 7))
+
+
+# symbol: (what it is, unit)
+PARAMETERS = {
+    "Sq": ("root mean square height", "µm"),
+    "Sa": ("arithmetic mean height", "µm"),
+    "Ssk": ("skewness", ""),
+    "Sku": ("kurtosis (3 for Gaussian heights)", ""),
+    "Sdq": ("root mean square gradient", ""),
+    "alpha": ("slope α of Beckmann, √2 · one-axis RMS slope", ""),
+    "Sal": ("autocorrelation length", "µm"),
+}
+
+
+def surface_parameters(surface: xr.Dataset) -> Table:
+    """ISO 25178-2 parameters and what the field is."""
+    a = surface.attrs
+    rows = [
+        ("α" if name == "alpha" else name, what, f"{number(a[name], 4)} {unit}".strip())
+        for name, (what, unit) in PARAMETERS.items()
+        if name in a
+    ]
+    for name, what in (("points", "samples"), ("pitch", "pitch"), ("size", "size"), ("missing", "missing points")):
+        if name in a:
+            rows.append(("", what, str(a[name])))
+    if a.get("interpolation"):
+        rows.append(("", "between the samples", f"{a['interpolation']}{', periodic' if a.get('periodic') else ''}"))
+    return Table(("Parameter", "", "Value"), rows, numeric=(2,))
+
+
+def plan_table(plan: Mapping[str, Any]) -> Table | None:
+    """What was done and what was left out, with the reason; None for a plan without stages."""
+    stages = plan.get("stages") or []
+    if not stages:
+        return None
+    rows = [
+        (
+            s["name"],
+            "done" if s.get("needed") else "left out",
+            s.get("why", ""),
+            s.get("library", ""),
+            s.get("cost", ""),
+        )
+        for s in stages
+    ]
+    faded = tuple(i for i, s in enumerate(stages) if not s.get("needed"))
+    return Table(("Stage", "", "Why", "Library", "Rough cost"), rows, faded=faded)
+
+
+def provenance_table(provenance: Mapping[str, Any]) -> Table | None:
+    """Versions, machine, date, inputs; None where nothing is known."""
+    rows = []
+    for key, value in provenance.items():
+        if isinstance(value, Mapping):
+            rows += [(f"{key}: {k}", str(v)) for k, v in value.items()] if key != "versions" else []
+        elif value not in (None, ""):
+            rows.append((key.replace("_", " "), str(value)))
+    versions = provenance.get("versions")
+    if isinstance(versions, Mapping):
+        rows.insert(0, ("versions", ", ".join(f"{k} {v}" for k, v in versions.items())))
+    return Table(("What", "Value"), rows) if rows else None
+
+
+def attributes(data: xr.Dataset) -> str:
+    """All attributes of a result as indented JSON, attributes that hold JSON unpacked."""
+    return json.dumps({str(k): q.text(v) for k, v in data.attrs.items()}, indent=2, ensure_ascii=False, default=str)
