@@ -57,7 +57,7 @@ def _standard() -> tuple[Floats, Floats, Floats, Floats]:
     return nm, weight / weight[:, 1].sum(), white, to_rgb
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=32)  # so it also warns once for a grid, not for every pair of results
 def _weights(wavelength: tuple[float, ...]) -> tuple[Floats, Floats]:
     """(n_λ, 3) weights of sorted wavelengths in nm for X, Y, Z, and (3,) the share of them beyond the ends."""
     nm, standard, white, _ = _standard()
@@ -66,6 +66,14 @@ def _weights(wavelength: tuple[float, ...]) -> tuple[Floats, Floats]:
     hats = np.stack([np.interp(nm, w, row) for row in np.eye(w.size)], axis=1)
     total = standard.sum(axis=0)
     outside = standard[(nm < w[0]) | (nm > w[-1])].sum(axis=0) / total
+    if outside.max() > 0.05:
+        warnings.warn(
+            f"colour from {w[0]:g} to {w[-1]:g} nm: "
+            + ", ".join(f"{s:.0%} of {c}" for s, c in zip(outside, "XYZ"))
+            + " lie beyond the ends, where the spectrum is taken as constant",
+            VgonioWarning,
+            stacklevel=4,
+        )
     return hats.T @ standard * (white / total), outside
 
 
@@ -85,14 +93,6 @@ def weights(wavelength_nm: Floats) -> tuple[Floats, Floats]:
         raise InputError(
             f"wavelengths from {wavelength_nm[0]:g} to {wavelength_nm[-1]:g} nm miss {outside[1]:.0%} of the luminance "
             f"of the CIE 1931 observer, allowed are {LARGEST_SHARE_OUTSIDE:.0%}: cover at least 450 to 650 nm"
-        )
-    if outside.max() > 0.05:
-        warnings.warn(
-            f"colour from {wavelength_nm[0]:g} to {wavelength_nm[-1]:g} nm: "
-            + ", ".join(f"{s:.0%} of {c}" for s, c in zip(outside, "XYZ"))
-            + " lie beyond the ends, where the spectrum is taken as constant",
-            VgonioWarning,
-            stacklevel=3,
         )
     return matrix, outside
 

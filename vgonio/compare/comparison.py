@@ -14,7 +14,7 @@ from ..dataset import check, label
 from ..errors import InputError, VgonioError, nearest
 from ..materials import Material
 from ..models.clausen_2022 import WAVELENGTH_N_NM
-from .colour import delta_e_2000
+from .colour import SCALES, delta_e_2000
 from .metrics import SAME_ANGLE_DEG, align, detector_dim, labelled, nrmse, rmse
 from .shift import FEWEST_FOR_P, fit_global_shift, fit_local_shift
 
@@ -43,11 +43,14 @@ def compare(
     material : of the Fresnel reflectance in the shift fits, None for F = 1;  p, wavelength_n : of the shift fits
     scale : of ΔE₀₀, see `delta_e_2000`
     Over `result`: slope, slope_stderr, slope_p, slope_r2, slope_global (…, theta_i, theta_o or cell); shift_h,
-    shift_w, shift_t_y, shift_p with their standard errors, and shift_r2. Over `pair` ("a and b": b is the reference): rmse, nrmse,
-    rmse_spectral, nrmse_spectral (…, wavelength), delta_e_2000 (…, theta_i, theta_o or cell), values_compared,
-    values_left_out. Missing grid points are NaN. What could not be computed is absent or NaN, and attrs["skipped"] says
-    why, as JSON {part: reason}. Raises InputError for no result, an unknown reference or an unknown scale.
+    shift_w, shift_t_y, shift_p with their standard errors, and shift_r2.
+    Over `pair` ("a and b", b is the reference): rmse, nrmse, rmse_spectral, nrmse_spectral (…, wavelength),
+    delta_e_2000 (…, theta_i, theta_o or cell), values_compared, values_left_out.
+    Missing grid points are NaN. What could not be computed is absent or NaN, and attrs["skipped"] says why, as JSON
+    {part: reason}. Raises InputError for no result, an unknown reference or an unknown scale.
     """
+    if scale not in SCALES:
+        raise InputError(f"scale {scale!r} of a colour difference: {nearest(scale, SCALES)}")
     named = _ordered(_split(_datasets(results)), reference)
     skipped: dict[str, str] = {}
     named = _same_directions(named, skipped)
