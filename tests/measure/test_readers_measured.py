@@ -199,7 +199,7 @@ def test_what_cannot_be_written(tmp_path, dataset):
 
 
 def test_nist_in_plane_table(shared):
-    """108 in-plane geometries per wavelength; at grazing incidence PTFE scatters forward, so the mirror side is higher."""
+    """108 in-plane geometries per wavelength; PTFE at grazing incidence scatters forward: more on the mirror side."""
     data = readers.read(shared / "data" / "nist_ptfe" / "PTFE.data.csv")
     assert data.wavelength.values.tolist() == [351, 532, 633, 1064]
     assert np.isfinite(data.brdf).sum("theta_i").sum("theta_o").values.tolist() == [108] * 4
