@@ -61,8 +61,14 @@ def info(
     if as_json:
         print_json(facts | {"history": list(field.history)})
         return
-    rows = [(k, " × ".join(f"{x:g}" for x in v) if isinstance(v, list) else v) for k, v in facts.items()]
-    print_table("", ("quantity", "value"), rows)
+    print_table("", ("quantity", "value", "unit"), [_row(name, value) for name, value in facts.items()])
+
+
+def _row(name: str, value: Any) -> tuple[str, Any, str]:
+    from ..surface.statistics import UNITS
+
+    unit = "µm" if name.endswith("_um") else UNITS.get(name, "").replace("1", "")
+    return name.removesuffix("_um"), " × ".join(f"{x:g}" for x in value) if isinstance(value, list) else value, unit
 
 
 def _parameters(field: Any) -> dict[str, Any]:
