@@ -141,7 +141,7 @@ def _window(
     return np.ix_(*every), r2  # type: ignore[return-value]
 
 
-def _span(n: int, h: float, centre: float, reach: float) -> tuple[slice | NDArray[np.intp], Floats]:
+def _span(n: int, h: float, centre: float, reach: float) -> tuple[slice | NDArray[Any], Floats]:
     """Samples of one axis within `reach` of a centre: a slice where it does not wrap, and squared distances."""
     first, last = int(np.floor((centre - reach) / h)), int(np.ceil((centre + reach) / h))
     if last - first + 1 > n:
@@ -149,7 +149,8 @@ def _span(n: int, h: float, centre: float, reach: float) -> tuple[slice | NDArra
         first = int(np.floor(centre / h)) - n // 2
         last = first + n - 1
     i = np.arange(first, last + 1)
-    return slice(first, last + 1) if first >= 0 and last < n else i % n, ((i + 0.5) * h - centre) ** 2
+    square: Floats = ((i + 0.5) * h - centre) ** 2
+    return slice(first, last + 1) if first >= 0 and last < n else i % n, square
 
 
 def _standard_normal(uniform: Floats) -> Floats:
