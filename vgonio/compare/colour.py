@@ -27,8 +27,8 @@ from .metrics import align, interpolate_wavelength, labelled
 Floats = NDArray[np.float64]
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 SCALES = ("reference-Y50", "absolute", "normalised")
-# of the weight of Y: what may lie beyond the ends of a spectrum before colour is refused
-LARGEST_SHARE_OUTSIDE = 0.1
+# shares of the weight of X, Y, Z that may lie beyond the ends of a spectrum; more is refused
+LARGEST_SHARE_OUTSIDE = np.array([0.5, 0.1, 0.5])
 
 
 @lru_cache(maxsize=1)
@@ -66,7 +66,7 @@ def _weights(wavelength: tuple[float, ...]) -> tuple[Floats, Floats]:
     hats = np.stack([np.interp(nm, w, row) for row in np.eye(w.size)], axis=1)
     total = standard.sum(axis=0)
     outside = standard[(nm < w[0]) | (nm > w[-1])].sum(axis=0) / total
-    if outside.max() > 0.05:
+    if outside.max() > 0.05 and np.all(outside <= LARGEST_SHARE_OUTSIDE):
         warnings.warn(
             f"colour from {w[0]:g} to {w[-1]:g} nm: "
             + ", ".join(f"{s:.0%} of {c}" for s, c in zip(outside, "XYZ"))
@@ -81,7 +81,7 @@ def weights(wavelength_nm: Floats) -> tuple[Floats, Floats]:
     """Weights (n_λ, 3) that turn a spectrum at sorted wavelengths (n_λ,) in nm into XYZ, and the shares (3,) of the
     weight that had to be taken from its ends; a flat spectrum of 1 gives D65 with Y = 1.
 
-    Raises InputError for fewer than two wavelengths, or when more than 10 % of the weight of Y lies beyond the ends.
+    Raises InputError for fewer than two wavelengths, or when more than `LARGEST_SHARE_OUTSIDE` lies beyond the ends.
     """
     wavelength_nm = np.asarray(wavelength_nm, dtype=np.float64)
     if wavelength_nm.size < 2:
@@ -89,10 +89,11 @@ def weights(wavelength_nm: Floats) -> tuple[Floats, Floats]:
             f"colour needs a spectrum, got the single wavelength {wavelength_nm[0]:g} nm: simulate or measure several"
         )
     matrix, outside = _weights(tuple(wavelength_nm.tolist()))
-    if outside[1] > LARGEST_SHARE_OUTSIDE:
+    if np.any(outside > LARGEST_SHARE_OUTSIDE):
+        shares = ", ".join(f"{share:.0%} of {c}" for share, c in zip(outside, "XYZ"))
         raise InputError(
-            f"wavelengths from {wavelength_nm[0]:g} to {wavelength_nm[-1]:g} nm miss {outside[1]:.0%} of the luminance "
-            f"of the CIE 1931 observer, allowed are {LARGEST_SHARE_OUTSIDE:.0%}: cover at least 450 to 650 nm"
+            f"wavelengths from {wavelength_nm[0]:g} to {wavelength_nm[-1]:g} nm miss {shares} of CIE 1931 XYZ, "
+            "allowed are 50 %, 10 %, 50 %: cover at least 450 to 650 nm"
         )
     return matrix, outside
 

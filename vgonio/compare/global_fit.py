@@ -42,6 +42,9 @@ def solve(
     best = {k: float(result.params[k].value) for k in NAMES}
     varied = [k for k in NAMES if result.params[k].vary and not _at_bound(result.params[k])]
     errors = _sandwich(s, used, best, varied)
+    # where h could as well be zero any w fits, and the linearised error of w means nothing
+    if not abs(best["h"]) > max(3 * errors.get("h", np.inf), 1e-6):
+        errors.pop("w", None)
     found = {k: best[k] * NM[k] for k in NAMES}
     return found | {f"{k}_stderr": errors.get(k, float("nan")) * NM[k] for k in NAMES}
 

@@ -66,40 +66,39 @@ def normalised_spectra(data: xr.Dataset, reflector: str | Material | None, wavel
     values = f / scale[:, None]
     # the sample at λ_n is 1 by construction and says nothing
     valid = np.isfinite(values) & used[:, None] & (w != wavelength_n)
-    weight = _weights(data, scale, valid)
+    variances = _variances(data, scale)
     theta_m, theta_d = _angles(data, dim)
     return Spectra(
         w - wavelength_n,
         np.where(valid, values, 0.0),
         _log_fresnel(reflector, theta_d, w, wavelength_n),
-        weight,
-        _anchor_variance(w, wavelength_n, weight),
+        np.where(valid, 1.0 / variances, 0.0),
+        _at_anchor(variances, w, wavelength_n),
         theta_m,
         used,
         data,
     )
 
 
-def _weights(data: xr.Dataset, scale: Floats, valid: NDArray[np.bool_]) -> Floats:
-    weight = np.ones(valid.shape)
-    if "brdf_stderr" in data:
-        sigma = data["brdf_stderr"].transpose(*data["brdf"].dims).values.reshape(valid.shape) / scale[:, None]
-        known = np.isfinite(sigma) & (sigma > 0) & valid
-        if np.any(known):
-            median = np.median(sigma[known])
-            # an error far below the others is a lucky estimate from few samples: it must not rule the fit
-            weight = (median / np.maximum(np.where(known, sigma, median), 0.01 * median)) ** 2
-    return np.where(valid, weight, 0.0)
+def _variances(data: xr.Dataset, scale: Floats) -> Floats:
+    """(n, n_λ) variance of f/f(λ_n) from brdf_stderr, relative to the median; 1 where it is not known."""
+    shape = (scale.size, data.sizes["wavelength"])
+    if "brdf_stderr" not in data:
+        return np.ones(shape)
+    sigma = data["brdf_stderr"].transpose(*data["brdf"].dims).values.reshape(shape) / scale[:, None]
+    known = np.isfinite(sigma) & (sigma > 0)
+    if not np.any(known):
+        return np.ones(shape)
+    median = np.median(sigma[known])
+    # an error far below the others is a lucky estimate from few samples: it must not rule the fit
+    return (np.maximum(np.where(known, sigma, median), 0.01 * median) / median) ** 2
 
 
-def _anchor_variance(w: Floats, wavelength_n: float, weight: Floats) -> Floats:
-    """Variance of f(λ_n)/f from the one or two samples that it is taken from, as if of the neighbours' weight."""
+def _at_anchor(variances: Floats, w: Floats, wavelength_n: float) -> Floats:
+    """(n,) variance of f(λ_n) from those of the one or two samples that it is interpolated from."""
     right = int(np.clip(np.searchsorted(w, wavelength_n), 1, w.size - 1))
     t = (wavelength_n - w[right - 1]) / (w[right] - w[right - 1])
-    near = weight[:, max(right - 1, 0) : right + 2]
-    count = np.maximum(np.sum(near > 0, axis=1), 1)
-    typical = np.sum(near, axis=1) / count
-    return ((1 - t) ** 2 + t**2) / np.where(typical > 0, typical, 1.0)
+    return (1 - t) ** 2 * variances[:, right - 1] + t**2 * variances[:, right]
 
 
 def _angles(data: xr.Dataset, dim: str) -> tuple[Floats, Floats]:
