@@ -39,7 +39,7 @@ def test_decomposition_draws_the_shares(ray_result):
     weights = xr.DataArray([0.75, 0.25], dims="bounce", coords={"bounce": data["bounce"]})
     data["brdf_by_bounce"] = weights * data["brdf"]
     data["brdf_stderr"] = 0.01 * data["brdf"]
-    data["brdf_stderr"].loc[{"theta_o": 85}] = 100.0
+    data["brdf_stderr"].loc[{"theta_o": 80}] = 100.0
     figure = figures.decomposition(data)
     shown = [ax for ax in figure.axes if ax.get_visible() and ax.patches]
     assert len(shown) == data.sizes["theta_i"]
@@ -55,8 +55,8 @@ def test_decomposition_draws_the_shares(ray_result):
 
 
 def test_decomposition_shows_each_angle_of_incidence(ray_result):
-    titles = [ax.get_title("left") for ax in figures.decomposition(ray_result).axes]
-    assert titles == [f"θᵢ = {t}°" for t in range(0, 81, 10)]
+    titles = [ax.get_title("left") for ax in figures.decomposition(ray_result).axes if ax.axison]
+    assert titles == [f"θᵢ = {t}°" for t in range(0, 81, 20)]
 
 
 def test_error_of_the_multiple_share_is_that_of_counted_rays():
@@ -112,7 +112,7 @@ def test_spectra_are_relative_to_600_nm(ray_result, wave_result):
 def test_back_scattering_takes_the_nearest_direction_that_was_measured(measured_result):
     one = q.incidence(measured_result, 40)
     assert float(q.direction(one, -40)["theta_o"]) == -40
-    assert float(q.direction(one, 40)["theta_o"]) in (35, 45)  # 40° itself is where the source stands
+    assert float(q.direction(one, 40)["theta_o"]) in (30, 50)  # 40° itself is where the source stands
     assert q.direction(one.isel(theta_o=slice(0, 5)), 40) is None
 
 

@@ -37,8 +37,8 @@ def surface_dataset(surface: Heightfield) -> xr.Dataset:
     """A summary of a height field of some 100 kB, whatever its size.
 
     z (y, x) : every n-th sample, at most 256 a side, µm; z_detail (y_detail, x_detail) : the middle, every sample,
-    where z is not the whole;  height_density (height), slope_density (slope) : of all samples, both axes pooled (x alone
-    for a profile);  psd (frequency) : mean over rings in µm⁴, for a profile in µm³; absent while points are missing
+    where z is not the whole;  height_density (height), slope_density (slope) : of all samples, both axes pooled (x
+    alone for a profile);  psd (frequency) : mean over rings in µm⁴, for a profile in µm³; absent while points miss
     attrs : the parameters of `surface.statistics.parameters` in µm, name, history (JSON), pitch, size, samples
     """
     steps = [-(-n // LARGEST_PICTURE) for n in surface.shape]
@@ -64,7 +64,7 @@ def surface_dataset(surface: Heightfield) -> xr.Dataset:
 
 
 def _middle(n: int) -> slice:
-    size = min(n, LARGEST_PICTURE)
+    size = min(n, max(64, min(n // 4, LARGEST_PICTURE)))
     return slice((n - size) // 2, (n - size) // 2 + size)
 
 

@@ -76,7 +76,7 @@ def decomposition(rays: xr.Dataset, wavelength_nm: float | None = None) -> Figur
     angle_axis(axes)
     figure.supxlabel("angle of reflection θₒ (°)", fontsize=9)
     figure.supylabel("share of the BRDF (%)", fontsize=9)
-    legend_of_bounces(figure, rays, "too few rays to tell" if not trusted.all() else None)
+    legend_of_bounces(figure, rays, "too few rays, or none" if not trusted.all() else None)
     return figure
 
 

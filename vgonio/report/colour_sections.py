@@ -51,13 +51,15 @@ def colour_section(content: Content, colour: Mapping[str, Mapping[str, xr.DataAr
         return made
     titles = content.titles()
     maps = {name: rgb_map(data, exposure=exposure) for name, data in plane.items()}
-    made.draw(
-        figures.rgb_maps(maps, titles),
-        f"Each square is one pair of directions: BRDF times cos θᵢ under D65, in sRGB (as thesis figure 4.4). Exposure "
-        f"{number(exposure)} for all maps; the share of clipped squares stands below each.",
+    width = "wide" if len(maps) > 1 else "half"
+    caption = (
+        "Each square is one pair of directions: BRDF times cos θᵢ under D65, in sRGB (as thesis figure 4.4). Exposure "
+        f"{number(exposure)} for all; the share of clipped squares stands below each."
     )
+    made.draw(figures.rgb_maps(maps, titles), caption, width)
     maps = {name: rgb_map(data, chromatic=True) for name, data in plane.items()}
-    made.draw(figures.rgb_maps(maps, titles), "The same at equal luminance: what is left is the colour.")
+    caption = "The same at equal luminance: what is left is the colour. Pale squares: nothing to show a colour of."
+    made.draw(figures.rgb_maps(maps, titles), caption, width)
     words = {
         "reference-Y50": "both results times the factor that brings the second one's Y to 50, so brightness counts",
         "normalised": "each spectrum over its value at 600 nm, so colour alone counts (as thesis figure 4.7)",

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NORMALISED_AT = 600.0  # nm, λ_n of the thesis
+SMALLEST_SHIFT = 2.0  # % per 100 nm; less looks like nothing, and is
 LARGEST_DELTA_E = 20.0  # colours are altogether different beyond; the scale of the maps ends there at the latest
 
 
@@ -41,16 +42,24 @@ def spectra(results: Results, theta_i: float = 40.0, back: float | None = None) 
                 spectrum(top, here, colour[name], 1.0, name == "measured")
                 spectrum(bottom, here, colour[name], value_at(here, NORMALISED_AT), name == "measured")
         top.set_title(f"{side}: θᵢ = {angle(theta_i)}, θₒ = {angle(theta_o)}")
-        top.set_ylim(bottom=0)
+        top.set_ylim(0, None if top.get_lines() else 1)
         bottom.axhline(1, color=MUTED, lw=0.8, ls=(0, (4, 3)))
         bottom.set_xlabel("wavelength λ (nm)")
     grid[0][0].set_ylabel("BRDF (sr⁻¹)")
     grid[1][0].set_ylabel(f"BRDF over its value at {NORMALISED_AT:g} nm")
-    low, high = np.array([ax.get_ylim() for ax in grid[1]]).T
+    say_where_dark(grid)
+    drawn = [ax.get_ylim() for ax in grid[1] if ax.get_lines()[1:]] or [(0.5, 1.5)]
     for ax in grid[1]:
-        ax.set_ylim(max(0, low.min()), min(2.5, high.max()))
+        ax.set_ylim(max(0.0, min(low for low, _ in drawn)), min(2.5, max(high for _, high in drawn)))
     legend_of_results(figure, results)
     return figure
+
+
+def say_where_dark(grid: np.ndarray) -> None:
+    """A panel without a spectrum says so."""
+    for ax in grid[0]:
+        if not ax.get_lines():
+            ax.text(0.5, 0.5, "no light was caught here", transform=ax.transAxes, ha="center", color=MUTED)
 
 
 def nearest_incidence(results: Results, theta_i: float) -> float:
@@ -69,7 +78,7 @@ def value_at(data: xr.Dataset, wavelength_nm: float) -> float:
 
 def spectrum(ax: Axes, data: xr.Dataset, colour: str, scale: float, dots: bool) -> None:
     w, f = data["wavelength"].values, data["brdf"].values
-    if not (np.isfinite(scale) and scale > 0):
+    if not (np.isfinite(scale) and scale > 0 and np.nanmax(f) > 0):
         return
     if dots:
         ax.plot(w, f / scale, "o", color=colour, ms=3.2, mfc="white", mew=1.0, zorder=3)
@@ -108,7 +117,7 @@ def shift_slopes(slopes: Mapping[str, xr.Dataset], titles: Mapping[str, str] | N
         ax.axhline(0, color=MUTED, lw=0.8)
         directions_marked(ax, theta_i)
         ax.set_title(f"θᵢ = {angle(theta_i)}")
-    limit = 1.35 * max(reach) if reach and max(reach) > 0 else 1.0
+    limit = max(SMALLEST_SHIFT, 1.35 * max(reach))
     axes[0].set_ylim(-limit, limit)
     angle_axis(axes)
     figure.supxlabel("angle of reflection θₒ (°)", fontsize=9)
@@ -135,8 +144,7 @@ def rgb_maps(maps: Mapping[str, xr.DataArray], titles: Mapping[str, str] | None 
     maps : for each result an array (theta_i, theta_o, rgb) with sRGB in 0…1 and the attributes exposure and
     clipped (share of the squares outside the gamut). Missing squares stay hatched.
     """
-    figure = new_figure(10.0, 0.6 + 2.9 * -(-len(maps) // 3))
-    axes = map_axes(figure, len(maps))
+    figure, axes = map_figure(len(maps))
     for ax, (name, rgb) in zip(axes, maps.items()):
         rgb = rgb.sortby("theta_i").sortby("theta_o").transpose("theta_i", "theta_o", "rgb")
         squares(ax, rgb, np.nan_to_num(np.clip(rgb.values, 0, 1)), np.isnan(rgb.values).any(axis=-1))
@@ -151,12 +159,15 @@ def map_note(rgb: xr.DataArray) -> str:
     return "" if clipped is None else f"   clipped: {100 * float(clipped):.3g} %"
 
 
-def map_axes(figure: Figure, count: int) -> list[Axes]:
-    columns = min(3, count) if count > 1 else 2
-    grid = figure.subplots(-(-count // columns), columns, squeeze=False, sharey=True).ravel()
+def map_figure(count: int) -> tuple[Figure, list[Axes]]:
+    """A figure with room for that many maps, three in a row (two of four); a single one is half a page wide."""
+    columns = 2 if count == 4 else min(3, count)
+    rows = -(-count // columns)
+    figure = new_figure(10.0 if count > 1 else 5.4, 0.6 + (3.5 if columns == 2 else 2.9) * rows)
+    grid = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
     for empty in grid[count:]:
         empty.set_visible(False)
-    return list(grid[:count])
+    return figure, list(grid[:count])
 
 
 def squares(ax: Axes, data: xr.DataArray, colour: np.ndarray, missing: np.ndarray, **options):
@@ -184,8 +195,7 @@ def delta_e_maps(maps: Mapping[str, xr.DataArray]) -> Figure:
 
     maps : for each pair ("rays and waves") an array (theta_i, theta_o). The mean stands below each map.
     """
-    figure = new_figure(10.0, 0.6 + 2.9 * -(-len(maps) // 3))
-    axes = map_axes(figure, len(maps))
+    figure, axes = map_figure(len(maps))
     top = max(
         1.0, max(float(np.nanpercentile(m.values, 98)) if np.isfinite(m.values).any() else 0.0 for m in maps.values())
     )

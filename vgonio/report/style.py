@@ -180,12 +180,12 @@ def svg(figure: Figure, description: str, prefix: str) -> str:
         f'<svg {box.group(0) if box else ""} role="img" aria-label="{_quoted(description)}" '
         f'style="width:{width:.0f}px" class="figure">'
     )
-    text = opening + text[head.end() if head else 0 :]
+    text = text[head.end() if head else 0 :]
     text = re.sub(r'\bid="([^"]+)"', rf'id="{prefix}-\1"', text)
     text = re.sub(r'(xlink:href="|url\()#', rf"\1#{prefix}-", text).replace("xlink:href", "href")
     text = re.sub(r"font: (?:(\d+|bold|italic) )?([\d.]+)px [^;\"]*", _font, text)  # matplotlib before 3.10
     text = re.sub(r"font-family: [^;\"]*;?\s*", "", text)
-    return re.sub(r"\n\s*", "\n", _subscripts(text))
+    return opening + re.sub(r"\n\s*", "\n", _subscripts(text))
 
 
 def _font(match: re.Match[str]) -> str:
@@ -194,7 +194,7 @@ def _font(match: re.Match[str]) -> str:
 
 
 def _subscripts(text: str) -> str:
-    for letter, subscript in (("ᵢ", "i"), ("ₒ", "o")):
+    for letter, subscript in (("ᵢ", "i"), ("ₒ", "o"), ("ₘ", "m")):
         text = text.replace(
             f"θ{letter}",
             f'<tspan font-style="italic">θ</tspan><tspan dy="0.25em" font-size="72%">{subscript}</tspan>'

@@ -26,7 +26,9 @@ def surface_map(surface: xr.Dataset) -> Figure:
     parts = [("z", "x", "y", "the whole surface")]
     if "z_detail" in surface:
         parts.append(("z_detail", "x_detail", "y_detail", "detail, every sample"))
-    figure = new_figure(4.6 * len(parts) + 0.8, 4.3)
+    ny, nx = (float(np.ptp(surface[k].values)) for k in ("y", "x"))
+    tall = np.clip(4.3 * ny / max(nx, 1e-9), 1.2, 5.5) if 0.25 < ny / max(nx, 1e-9) < 4 else 2.6
+    figure = new_figure(4.6 * len(parts) + 0.8, tall + 0.75)
     axes = figure.subplots(1, len(parts), squeeze=False)[0]
     low, high = np.nanpercentile(surface["z"].values, [0.2, 99.8])
     limits = (low, high) if high > low else (low - 0.5, high + 0.5)

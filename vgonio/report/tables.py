@@ -11,6 +11,7 @@ from typing import Any
 import xarray as xr
 
 from . import quantities as q
+from .style import SUPERSCRIPT
 
 
 @dataclass(frozen=True)
@@ -36,12 +37,11 @@ def number(value: Any, digits: int = 3) -> str:
         return "–"
     if x == 0 or not math.isfinite(x):
         return f"{x:g}".replace("inf", "∞").replace("-", "−")
+    x = float(f"{x:.{digits - 1}e}")  # rounded first: 9.999 has two digits before the point
     if 1e-3 <= abs(x) < 1e6:
-        text = f"{x:.{max(0, digits - 1 - math.floor(math.log10(abs(x))))}f}" if abs(x) < 10**digits else f"{x:,.0f}"
-        return text.replace(",", "\u202f").replace("-", "−")
-    mantissa, power = f"{x:.{max(0, digits - 2)}e}".split("e")
-    from .style import SUPERSCRIPT
-
+        text = f"{x:,.{max(0, digits - 1 - math.floor(math.log10(abs(x))))}f}"
+        return text.replace(",", "\u202f" if abs(x) >= 1e4 else "").replace("-", "−")
+    mantissa, power = f"{x:.{digits - 1}e}".split("e")
     return f"{mantissa}·10{str(int(power)).translate(SUPERSCRIPT)}".replace("-", "−")
 
 

@@ -96,8 +96,8 @@ def energy_of_rays(made: Verdict, rays: xr.Dataset) -> None:
         what = "white furnace of the rays fails" if white else "energy tallies of the rays do not close"
         worst = float(total["theta_i"].values[abs(total - 1).max("wavelength").values.argmax()])
         made.alarms.append(
-            f"The {what}: reflected, absorbed and lost power add up to {percent(float(total.max()), 4)} … "
-            f"{percent(float(total.min()), 4)} (worst at θᵢ = {angle(worst)}); they should give 100 %. "
+            f"The {what}: reflected, absorbed and lost power add up to {percent(float(total.max()), 7)} … "
+            f"{percent(float(total.min()), 7)} (worst at θᵢ = {angle(worst)}); they should give 100 %. "
             "Do not trust the rays of this result."
         )
         made.cards.append(Card("Energy tallies of the rays", "open", f"off by {number(off, 2)} of the incident power"))
@@ -139,11 +139,12 @@ def reflections(made: Verdict, rays: xr.Dataset, theta_i: float) -> None:
         made.cards.append(Card("Multiple reflections, mirror direction", short(known["mirror"]), where))
         made.add(f"Multiple reflections make {mirror} of the light in the mirror direction ({where}).")
         return
-    value = f"{short(known['mirror'])} → {short(known['back'])}"
-    made.cards.append(Card("Multiple reflections, mirror → back-scattering", value, where))
+    mirror_and_back = f"{short(known['mirror'])} → {short(known['back'])}"
+    made.cards.append(Card("Multiple reflections, mirror → back-scattering", mirror_and_back, where))
+    back = share_text(*known["back"])
     made.add(
-        f"Multiple reflections make {mirror} of the light in the mirror direction and {share_text(*known['back'])} in "
-        f"back-scattering ({where}){crossing(one, theta_i)}."
+        f"Multiple reflections make {mirror} of the light in the mirror direction and {back} in back-scattering "
+        f"({where}){crossing(one, theta_i)}."
     )
 
 
@@ -157,12 +158,12 @@ def share_at(one: xr.Dataset, theta_o: float) -> tuple[float, float] | None:
 
 def share_text(share: float, error: float) -> str:
     if not math.isfinite(share):
-        return "a share that too few rays were caught to tell"
+        return "an unknown share (too few rays were caught)"
     return percent(share) + (f" (± {percent(error, 1)})" if math.isfinite(error) and error > 0 else "")
 
 
 def short(found: tuple[float, float]) -> str:
-    return percent(found[0]) if math.isfinite(found[0]) else "?"
+    return percent(found[0]) if math.isfinite(found[0]) else "too few"
 
 
 def crossing(one: xr.Dataset, theta_i: float) -> str:
