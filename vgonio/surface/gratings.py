@@ -31,8 +31,8 @@ def sinusoid(
     amplitude = checks.number("amplitude_um", amplitude_um, 0.0)
     phase = checks.number("phase_deg", phase_deg)
     periods = whole_periods(period_um, shape[1], dx)
-    # i·periods/nx instead of x/P: the heights of a period repeat to the last bit
-    cycles = np.mod((np.arange(shape[1]) + 0.5) * periods / shape[1], 1.0)
+    # x/P in whole numbers before the division: the heights of a period repeat to the last bit
+    cycles = (2 * np.arange(shape[1]) + 1) * periods % (2 * shape[1]) / (2 * shape[1])
     profile = amplitude * np.cos(2 * np.pi * cycles + np.deg2rad(phase))
     step = f"generated: sinusoid period {period_um:g} µm, amplitude {amplitude:g} µm"
     return _grating(profile, shape, (dy, dx), "cubic", "sinusoid", step)

@@ -48,7 +48,8 @@ def sandblasted(
     bead_diameter_um : smallest and largest bead, equally likely between
     depth_um : depth of the cavity of the mean bead at the mean speed, below the mean surface under its footprint
     depth_spread : relative standard deviation of the bead speed (log-normal), hence of the depth
-    coverage : number of cavities above a point on average; exp(−coverage) of the base stays untouched
+    coverage : number of footprints over a point on average; exp(−coverage) of the area has none (less stays untouched:
+        a bead that hits into a cavity takes away some of its rim)
     resolution_um : full width at half maximum of the Gaussian by which a microscope blurs the ridges (default: the
         larger pitch; 0 for none)
     base : a periodic surface to blast instead of a flat one; gives shape and pitch

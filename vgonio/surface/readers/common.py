@@ -73,7 +73,9 @@ def text_lines(path: Path) -> list[str]:
         text = path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError:
         raise FileFormatError(f"{path} is not a text file") from None
-    lines = text.rstrip().splitlines()
+    lines = text.splitlines()
+    while lines and not lines[-1].strip():
+        lines.pop()
     if not lines:
         raise FileFormatError(f"{path} is empty")
     return lines
