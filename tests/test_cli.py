@@ -237,10 +237,11 @@ def test_compare_groups_of_one_result(result, capsys):
 
 def test_a_result_compared_with_itself_does_not_differ(result, capsys):
     assert main(["compare", f"{result}:rays", f"{result}:rays", "--json"]) == 0
-    row = json.loads(capsys.readouterr().out)[0]
-    figures = [v for k, v in row.items() if isinstance(v, float) and ("rmse" in k or "delta" in k)]
-    assert figures
-    assert max(map(abs, figures)) < 1e-9
+    rows = json.loads(capsys.readouterr().out)
+    figures = {r["quantity"]: r["value"] for r in rows if " and " in r["of"]}
+    assert figures["values compared"] == 2 * 6 * 4
+    assert figures["RMSE of the BRDF"] == 0
+    assert figures["largest dE00"] == 0
 
 
 @pytest.mark.parametrize(("suffix", "words"), [(":rays", "at least two"), (":ray", "did you mean 'rays'")])

@@ -177,7 +177,7 @@ def test_a_coherence_window_larger_than_the_sample_is_warned_about():
     flat = Heightfield(np.zeros((64, 64)), 0.5)  # 32 µm
     assert "larger than the sample" in warnings_of(flat, coherence_um=6.0)
     assert "independent coherence windows" in warnings_of(flat, coherence_um=5.0)
-    assert warnings_of(flat, coherence_um=3.0) == ""
+    assert warnings_of(flat, coherence_um=2.0) == ""
 
 
 def test_small_radii_of_curvature_are_warned_about():

@@ -156,12 +156,12 @@ def _ray_stages(scene: Scene, surface: Heightfield | None) -> list[Stage]:
 def _wave_stages(scene: Scene, surface: Heightfield | None) -> list[Stage]:
     if scene.wave is None or scene.light is None or surface is None:
         return _left_out(("interpolate", "transform"), "the scene has no [wave]")
+    from .wave.coherence import tile
+
     light = scene.light
     count = len(light.theta_i_deg) * len(light.wavelength_nm) * detector_elements(scene) * len(scene.wave.theory)
-    windows = 1 if surface.period_um and surface.is_profile else coherence_windows(surface, light.coherence_um)
-    library = {"opencl": "pyopencl", "nufft": "finufft", "reference": "numpy"}.get(
-        scene.wave.method, "finufft or pyopencl"
-    )
+    windows = len(tile(surface, light.coherence_um))
+    library = {"opencl": "pyopencl", "reference": "numpy"}.get(scene.wave.method, "finufft")
     refined = refinement(surface, light.wavelength_nm)
     return [
         Stage(
@@ -176,7 +176,7 @@ def _wave_stages(scene: Scene, surface: Heightfield | None) -> list[Stage]:
             True,
             ", ".join(scene.wave.theory) + f", method {scene.wave.method!r}, tol = {scene.wave.tol:g}",
             library,
-            f"{count:,} directions × wavelengths, about {windows} coherence windows",
+            f"{count:,} directions × wavelengths, {windows} coherence windows",
         ),
     ]
 
@@ -230,11 +230,6 @@ def detector_elements(scene: Scene) -> int:
     if asked.theta_o_deg is not None:
         return len(asked.theta_o_deg)
     return len(Detector.hemisphere(5.0 if asked.resolution_deg is None else asked.resolution_deg))
-
-
-def coherence_windows(surface: Heightfield, coherence_um: float) -> int:
-    """How many independent windows exp(−r²/2ℓ²) fit: area over ∫ |w|² = πℓ² doubled, at least one."""
-    return max(1, round(surface.area_um2 / (2 * np.pi * coherence_um**2)))
 
 
 def refinement(surface: Heightfield, wavelength_nm: list[float]) -> int:

@@ -99,14 +99,15 @@ def _unresolved(surface: Heightfield, light: Any, largest_theta_o: float) -> lis
 
 
 def _coherence(surface: Heightfield, coherence_um: float) -> list[str]:
-    grating = surface.periodic and surface.is_profile
+    from .wave.coherence import REACH, independent, tile
+
     side = surface.size_um[1] if surface.shape[0] == 1 else min(surface.size_um)
-    if not surface.periodic and 6 * coherence_um > side:
+    if not surface.periodic and 2 * REACH * coherence_um > side:
         return [
-            f"the coherence window (ℓ = {coherence_um:g} µm, 3ℓ to each side) is larger than the sample's {side:g} µm: "
-            "it is cut, choose a smaller coherence_um or a larger sample"
+            f"the coherence window (ℓ = {coherence_um:g} µm, {REACH:g} ℓ to each side) is larger than the sample's "
+            f"{side:g} µm: it is cut, choose a smaller coherence_um or a larger sample"
         ]
-    count = surface.area_um2 / (2 * np.pi * coherence_um**2)
-    if count < FEW_WINDOWS and not grating:
+    count = independent(tile(surface, coherence_um), surface)
+    if count < FEW_WINDOWS and not (surface.periodic and surface.is_profile):
         return [f"only about {count:.0f} independent coherence windows fit on the sample: expect speckle"]
     return []
