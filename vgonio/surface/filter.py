@@ -151,7 +151,7 @@ def _harmonic(start: Floats, missing: NDArray[np.bool_], surface: Heightfield) -
     ) + sp.diags_array(diagonal)
     middle = start[missing].mean()
     # symmetric positive definite: conjugate gradients, from the nearest heights, until 1e-10 of the right-hand side
-    solution, _ = cg(
+    solution, unfinished = cg(
         laplace,
         right - middle * (laplace @ np.ones(count)),
         x0=start[missing] - middle,
@@ -159,6 +159,9 @@ def _harmonic(start: Floats, missing: NDArray[np.bool_], surface: Heightfield) -
         M=sp.diags_array(1 / diagonal),
         maxiter=20 * max(missing.shape),
     )
+    if unfinished:
+        text = f"filling stopped after {unfinished} iterations: the largest holes are not quite smooth"
+        warnings.warn(text, VgonioWarning, stacklevel=3)
     filled = start.copy()
     filled[missing] = solution + middle
     return filled

@@ -150,7 +150,7 @@ def _span(n: int, h: float, centre: float, reach: float) -> tuple[slice | NDArra
         first = int(np.floor(centre / h)) - n // 2
         last = first + n - 1
     i = np.arange(first, last + 1)
-    square: Floats = ((i + 0.5) * h - centre) ** 2
+    square = np.square((i + 0.5) * h - centre, dtype=np.float64)
     return slice(first, last + 1) if first >= 0 and last < n else i % n, square
 
 

@@ -158,8 +158,9 @@ def _pitch(topography: Any, unit: str | None) -> tuple[float, float] | None:
 
 
 def _line(e: Exception) -> str:
-    text = str(e).strip()
-    return text.splitlines()[0] if text else type(e).__name__
+    """The first line of a message, without the bytes of a damaged file that it may quote."""
+    text = str(e).strip() or type(e).__name__
+    return "".join(c if c.isprintable() else "?" for c in text.splitlines()[0])[:200]
 
 
 FORMAT = Format("instrument", tuple(SUFFIXES), (), read)

@@ -8,7 +8,6 @@ Only `z` is required. Nothing is unpickled, and no array is allocated beyond wha
 
 from __future__ import annotations
 
-import io
 import json
 import zipfile
 import zlib
@@ -82,7 +81,7 @@ def _array(archive: zipfile.ZipFile, key: str, path: Path) -> np.ndarray:
         shape, fortran, dtype = read_header(member)
         _check(key, shape, dtype, path)
         size = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
-        body = io.BytesIO(member.read(size)).getvalue()
+        body = member.read(size)
     if len(body) != size:
         raise FileFormatError(f"{path}: array {key!r} is truncated: {len(body)} of {size} bytes")
     return np.frombuffer(body, dtype=dtype).reshape(shape, order="F" if fortran else "C")
