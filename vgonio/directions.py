@@ -122,15 +122,15 @@ def cone_projected_solid_angle(theta: ArrayLike, half: float) -> Floats:
     π sin²a cos θ where the whole cone is above; otherwise the clipped ellipse sx ≤ … of the direction cosines is
     integrated: in direction cosines cos θ dω = dsx dsy.
     """
-    theta = np.abs(np.atleast_1d(np.asarray(theta, float)))
-    full = np.pi * np.sin(half) ** 2 * np.cos(theta)
-    clipped = theta + half > np.pi / 2
+    polar = np.abs(np.atleast_1d(np.asarray(theta, float)))
+    full = np.pi * np.sin(half) ** 2 * np.cos(polar)
+    clipped = polar + half > np.pi / 2
     for i in np.flatnonzero(clipped):
         # rings of the cone: azimuths ψ for which cos θ cos r + sin θ sin r cos ψ > 0
         r = (np.arange(2000) + 0.5) / 2000 * half
-        c = np.clip(-1 / (np.tan(theta[i]) * np.tan(r)), -1, 1)
+        c = np.clip(-1 / (np.tan(polar[i]) * np.tan(r)), -1, 1)
         psi = np.arccos(c)  # half-width of the visible azimuths
-        ring = 2 * (psi * np.cos(theta[i]) * np.cos(r) + np.sin(theta[i]) * np.sin(r) * np.sin(psi))
+        ring = 2 * (psi * np.cos(polar[i]) * np.cos(r) + np.sin(polar[i]) * np.sin(r) * np.sin(psi))
         full[i] = np.sum(ring * np.sin(r)) * half / 2000
     return full
 

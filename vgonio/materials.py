@@ -45,8 +45,9 @@ def fresnel(cos_i: ArrayLike, index: ArrayLike) -> tuple[Complex, Complex]:
     """
     c = np.asarray(cos_i, dtype=np.float64)
     eps = np.asarray(index, dtype=np.complex128) ** 2
-    root = np.sqrt(eps - (1.0 - c * c))
-    return (c - root) / (c + root), (eps * c - root) / (eps * c + root)
+    root: Complex = np.sqrt(eps - (1.0 - c * c))
+    s: Complex = (c - root) / (c + root)
+    return s, (eps * c - root) / (eps * c + root)
 
 
 @dataclass(frozen=True)
@@ -199,9 +200,9 @@ def dispersion(formula: int, c: list[float], w: Floats) -> Floats:
         n2 = c[0] + sum(c[i] * w ** c[i + 1] / (w2 - c[i + 2] ** c[i + 3]) for i in (1, 5) if c[i])
         return np.sqrt(n2 + sum(c[i] * w ** c[i + 1] for i in (9, 11, 13, 15) if c[i]))
     if formula == 5:
-        return c[0] + sum(a * w**b for a, b in pairs if a)
+        return np.asarray(c[0] + sum(a * w**b for a, b in pairs if a))
     if formula == 6:
-        return 1 + c[0] + sum(a / (b - 1 / w2) for a, b in pairs if a)
+        return np.asarray(1 + c[0] + sum(a / (b - 1 / w2) for a, b in pairs if a))
     if formula == 7:
         d = w2 - 0.028
         return c[0] + c[1] / d + c[2] / d**2 + c[3] * w2 + c[4] * w2**2 + c[5] * w2**3

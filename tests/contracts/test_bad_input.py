@@ -228,7 +228,7 @@ def _newer_result(path: Path) -> None:
     ("write", "words"),
     [
         (_another_programs_netcdf, "another program"),
-        (_newer_result, "upgrade"),
+        (_newer_result, "upgrade it"),
         (lambda p: p.write_text("not NetCDF at all"), "not a NetCDF-4 file"),
         (lambda p: p.write_bytes(b""), "not a NetCDF-4 file"),
         (lambda p: None, "no such result file"),

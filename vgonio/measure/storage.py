@@ -9,8 +9,8 @@ from typing import Any
 
 import xarray as xr
 
-from ..errors import FileFormatError
 from ..dataset import plain
+from ..errors import FileFormatError
 
 FORMAT = "vgonio result"
 FORMAT_VERSION = 1
@@ -31,7 +31,7 @@ def save(result: xr.DataTree | xr.Dataset, path: str | os.PathLike[str]) -> Path
         "format_version": FORMAT_VERSION,
     }
     encoding = {
-        node.path: {str(v): {"zlib": True, "complevel": 4} for v in node.data_vars if node[v].ndim}
+        node.path: {str(v): {"zlib": True, "complevel": 4} for v in node.data_vars if node[str(v)].ndim}
         for node in tree.subtree
     }
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
@@ -68,5 +68,5 @@ def require_ours(attrs: dict[Any, Any], path: Path) -> None:
         raise FileFormatError(f"{path} is a result of another program: its attribute 'format' is not {FORMAT!r}")
     if int(attrs.get("format_version", 0)) > FORMAT_VERSION:
         raise FileFormatError(
-            f"{path} has format version {attrs['format_version']}, this vgonio reads up to {FORMAT_VERSION}: upgrade vgonio"
+            f"{path} has format version {attrs['format_version']}, this vgonio reads up to {FORMAT_VERSION}: upgrade it"
         )

@@ -87,11 +87,11 @@ class Heightfield:
 
     @property
     def x(self) -> Floats:
-        return (np.arange(self.shape[1]) + 0.5) * self.dx
+        return (np.arange(self.shape[1], dtype=np.float64) + 0.5) * self.dx
 
     @property
     def y(self) -> Floats:
-        return (np.arange(self.shape[0]) + 0.5) * self.dy
+        return (np.arange(self.shape[0], dtype=np.float64) + 0.5) * self.dy
 
     @cached_property
     def missing(self) -> int:

@@ -93,7 +93,7 @@ class Axis:
     def knots(self) -> Floats:
         """Ends of the pieces on which the interpolant is smooth, over the domain [0, n·h]."""
         if self.degree == 0:
-            return np.arange(self.n + 1) * self.h
+            return np.arange(self.n + 1, dtype=np.float64) * self.h
         inner = (np.arange(self.n) + 0.5) * self.h
         if self.degree == 3 and not self.periodic:
             inner = inner[2:-2]  # not-a-knot: one cubic over the first two and the last two intervals

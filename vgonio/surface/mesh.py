@@ -84,7 +84,7 @@ def _grid_faces(ny: int, nx: int) -> NDArray[np.int32]:
     a = (np.arange(ny - 1, dtype=np.int32)[:, None] * nx + np.arange(nx - 1, dtype=np.int32)).ravel()
     lower = np.stack([a, a + 1, a + nx], axis=1)
     upper = np.stack([a + 1, a + nx + 1, a + nx], axis=1)
-    return np.stack([lower, upper], axis=1).reshape(-1, 3)
+    return np.stack([lower, upper], axis=1).reshape(-1, 3).astype(np.int32, copy=False)
 
 
 def _plateaus(surface: Heightfield) -> Mesh:
