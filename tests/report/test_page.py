@@ -129,7 +129,7 @@ def test_tables_hold_error_seconds_and_plan(whole):
     plan = section(whole, "plan")
     assert "left out" in plan
     assert "no filter asked for" in plan
-    assert "expect speckle" in plan
+    assert "Expect speckle" in words(section(whole, "verdict"))
     assert "a1b2c3" in section(whole, "provenance")
     assert "theta_i_deg" in section(whole, "provenance")
 
@@ -139,8 +139,10 @@ def test_verdict_speaks_of_reflections_agreement_shift_and_error(whole):
     for wanted in (
         "Multiple reflections make",
         "NRMSE",
-        "Colour shift of the waves (Kirchhoff)",
-        "towards red",
+        "Colour shift of the waves (Kirchhoff): +",
+        "(towards red,",
+        "To be wary of",
+        "says of itself: made by a test",
         "The largest known error is",
         "sum is 1 within",
     ):
@@ -151,7 +153,8 @@ def test_verdict_gives_the_share_that_was_put_in(whole, full_result):
     """The synthetic rays at 40° in the mirror direction: share from their own by-bounce parts, two digits."""
     parts = full_result["rays"]["brdf_by_bounce"].sel(theta_i=40, theta_o=-40, wavelength=540)
     share = float(parts[1:].sum() / parts.sum())
-    assert f"make {100 * share:.1f} %" in words(section(whole, "verdict"))
+    said = rf"{100 * share:.1f} % \(± [\d.]+ %\) of the light in the mirror direction"
+    assert re.search(said, words(section(whole, "verdict")))
 
 
 def test_waves_that_reflect_too_much_are_said_first(whole, full_result):
@@ -266,6 +269,66 @@ def test_page_from_a_file_and_from_a_surface(tmp_path, wave_result):
     assert render(tree, surface=surface) == text
     assert "Left out" not in section(text, "surface")
     assert "64" in section(text, "surface")
+
+
+def test_agreement_of_results_that_differ_by_known_factors(wave_result):
+    """A fifth more light on the source's side only: medians 0 and 20 %, and NRMSE in closed form; to rounding."""
+    from vgonio.report.verdict import agreement
+
+    side = wave_result["theta_o"] * wave_result["theta_i"] > 0
+    brighter = wave_result.copy(deep=True)
+    brighter["brdf"] = wave_result["brdf"] * (1 + 0.2 * side)
+    found = agreement({"a": brighter, "b": wave_result}, "a", "b")
+    assert found.mirror_side == pytest.approx(0.0, abs=1e-12)
+    assert found.source_side == pytest.approx(0.2, rel=1e-9)
+    reference = wave_result["brdf"]
+    difference = 0.2 * reference.where(side, 0.0)
+    assert found.nrmse == pytest.approx(float(np.sqrt((difference**2).mean()) / reference.mean()), rel=1e-9)
+    expected = np.sqrt(2 * float((wave_result["brdf_stderr"] ** 2).mean())) / float(reference.mean())
+    assert found.noise == pytest.approx(expected, rel=1e-9)
+
+
+def test_mean_shift_takes_bright_directions_near_mirror_and_back():
+    """Slopes +1 within 15° of the mirror direction, −2 near back-scattering, rubbish elsewhere and where it is dark."""
+    from vgonio.report.shifts import in_words, mean_shift
+
+    theta_i, theta_o = np.arange(0.0, 81, 20), np.arange(-80.0, 81, 10)
+    i, o = np.meshgrid(theta_i, theta_o, indexing="ij")
+    slope = np.where(np.abs(o + i) <= 15, 1e-3, np.where(np.abs(o - i) <= 15, -2e-3, 77.0))
+    slope[0] = 5.0  # at normal incidence both sides are one
+    bright = np.ones(slope.shape, bool)
+    dark = (i == 40) & (o == -40)
+    slope[dark], bright[dark] = 99.0, False
+    dims = ("theta_i", "theta_o")
+    data = xr.Dataset({"slope": (dims, slope), "bright": (dims, bright)}, {"theta_i": theta_i, "theta_o": theta_o})
+    mirror, back = mean_shift(data, "mirror"), mean_shift(data, "back")
+    assert (mirror.slope, mirror.stderr) == pytest.approx((1e-3, 0.0))
+    assert (back.slope, back.stderr) == pytest.approx((-2e-3, 0.0))
+    assert (mirror.directions, back.directions) == (3 * 4 - 2, 3 * 4 - 1)  # at 80° one of three is beyond the grid
+    assert mean_shift(data.isel(theta_i=[0]), "mirror") is None
+    assert in_words(None) == "too little light to tell"
+
+
+@pytest.mark.parametrize(
+    ("slope", "stderr", "said"),
+    [(1e-3, 1e-4, "towards red, 10 σ"), (-1e-3, 1e-4, "towards blue"), (1e-3, 5e-4, "not significant, 2.0 σ")]
+    + [(2e-5, 1e-6, "practically none"), (8e-5, 1e-5, "hardly any")],
+)
+def test_shift_is_called_what_it_is(slope, stderr, said):
+    from vgonio.report.shifts import MeanShift, in_words
+
+    assert said in in_words(MeanShift(slope, stderr, 9))
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [(9.123, 0.31, "9.1 ± 0.3"), (17.55, 0.157, "17.55 ± 0.16"), (-26.12, 0.99, "−26.1 ± 1.0"), (1234, 56, "1234 ± 56")]
+    + [(3.0, np.nan, "3.00"), (2e-7, 1e-7, "2.0·10⁻⁷ ± 1·10⁻⁷")],
+)
+def test_errors_decide_on_the_digits(value, error, text):
+    from vgonio.report.tables import plus_minus
+
+    assert plus_minus(value, error) == text
 
 
 @pytest.mark.parametrize(

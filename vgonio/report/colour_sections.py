@@ -5,32 +5,39 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 
-import numpy as np
 import xarray as xr
 
-from ..errors import InputError, VgonioError
+from ..errors import InputError
 from . import figures
 from . import quantities as q
 from .content import Content
 from .section import Section
+from .shifts import global_fit_table, mean_table, skipped_words
 from .style import angle
-from .tables import Table, number
+from .tables import number
 
 MOST_PAIRS = 6
 
 
 def colour_differences(content: Content) -> dict[str, dict[str, xr.DataArray]]:
-    """ΔE₀₀ maps by pair and scale; empty where there are no spectra or no pairs."""
+    """ΔE₀₀ maps by pair and scale; empty where there are no spectra or no pairs.
+
+    Of the colour alone ("normalised") only where both results catch light: noise has colours too.
+    """
     from ..compare.colour import delta_e_2000
+    from ..compare.metrics import align
 
     found: dict[str, dict[str, xr.DataArray]] = {}
     usable = [name for name, data in content.results.items() if q.spectral(data)]
     for a, b in list(itertools.combinations(usable, 2))[:MOST_PAIRS]:
-        for scale in ("reference-Y50", "normalised"):
+        reference, predicted = content.results[b], content.results[a]
+        for scale in ("normalised", "reference-Y50"):
             try:
-                found.setdefault(f"{a} and {b}", {})[scale] = delta_e_2000(
-                    content.results[b], content.results[a], scale=scale
-                )
+                difference = delta_e_2000(reference, predicted, scale=scale)
+                if scale == "normalised":
+                    seen = [q.bright_spectra(d) for d in align(reference, predicted)]
+                    difference = difference.where((seen[0] & seen[1]).drop_vars("solid_angle", errors="ignore"))
+                found.setdefault(f"{a} and {b}", {})[scale] = difference
             except InputError:
                 continue
     return {key: maps for key, maps in found.items() if maps}
@@ -45,7 +52,8 @@ def colour_section(content: Content, colour: Mapping[str, Mapping[str, xr.DataAr
         made.missing = colour_reason(content)
         return made
     try:
-        exposure = float(rgb_map(list(plane.values())[-1]).attrs["exposure"])
+        # the darkest of the automatic exposures: no map has more than 2 % of its squares above white
+        exposure = min(float(rgb_map(data).attrs["exposure"]) for data in plane.values())
     except InputError as e:
         made.missing = f"{e}."
         return made
@@ -57,15 +65,23 @@ def colour_section(content: Content, colour: Mapping[str, Mapping[str, xr.DataAr
         f"{number(exposure)} for all; the share of clipped squares stands below each."
     )
     made.draw(figures.rgb_maps(maps, titles), caption, width)
-    maps = {name: rgb_map(data, chromatic=True) for name, data in plane.items()}
-    caption = "The same at equal luminance: what is left is the colour. Pale squares: nothing to show a colour of."
+    maps = {name: rgb_map(data, chromatic=True).where(q.bright_spectra(data)) for name, data in plane.items()}
+    caption = (
+        "The same at equal luminance: what is left is the colour. Pale squares hold no value, or less than 10⁻³ of the "
+        "largest BRDF at that θᵢ."
+    )
     made.draw(figures.rgb_maps(maps, titles), caption, width)
     words = {
+        "normalised": "each spectrum over its value at 600 nm, so colour alone counts (as thesis figure 4.7), where "
+        "both results exceed 10⁻³ of their largest value",
         "reference-Y50": "both results times the factor that brings the second one's Y to 50, so brightness counts",
-        "normalised": "each spectrum over its value at 600 nm, so colour alone counts (as thesis figure 4.7)",
     }
     for scale, meaning in words.items():
-        shown = {key: d[scale] for key, d in colour.items() if scale in d and "theta_o" in d[scale].dims}
+        shown = {
+            " and ".join(q.title(n, content.results[n]) for n in key.split(" and ")): d[scale]
+            for key, d in colour.items()
+            if scale in d and "theta_o" in d[scale].dims
+        }
         if shown:
             made.draw(figures.delta_e_maps(shown), f"Colour difference ΔE₀₀: {meaning}. About 1 is just noticeable.")
     return made
@@ -78,49 +94,6 @@ def colour_reason(content: Content) -> str:
         n = max(data.sizes["wavelength"] for data in content.results.values())
         return f"colour needs spectra, and there {'is one wavelength' if n == 1 else f'are only {n} wavelengths'}."
     return "RGB maps are drawn for in-plane results; this one covers a hemisphere."
-
-
-def comparison_of(content: Content) -> xr.Dataset | None:
-    """The stored comparison; worked out here where there is none, as of a single result; None without spectra."""
-    if content.comparison is not None:
-        return content.comparison
-    from ..compare.comparison import compare
-
-    spectra = {name: data for name, data in content.results.items() if q.spectral(data)}
-    try:
-        return compare(spectra, material=content.material()) if spectra else None
-    except VgonioError:
-        return None
-
-
-def shift_slopes_of(comparison: xr.Dataset | None) -> dict[str, xr.Dataset]:
-    """The shift fits of each in-plane result: slope, slope_stderr, slope_global over (theta_i, theta_o)."""
-    if comparison is None or "slope" not in comparison or "theta_o" not in comparison["slope"].dims:
-        return {}
-    names = [n for n in ("slope", "slope_stderr", "slope_global") if n in comparison]
-    found = {str(name): comparison[names].sel(result=name, drop=True) for name in comparison["result"].values}
-    known = {name: data.dropna("theta_i", how="all", subset=["slope"]) for name, data in found.items()}
-    return {name: data for name, data in known.items() if data.sizes["theta_i"]}
-
-
-def global_fit_table(comparison: xr.Dataset, titles: Mapping[str, str]) -> Table | None:
-    """Parameters of the global shift fit with their standard errors; None where there is no fit."""
-    if "shift_h" not in comparison:
-        return None
-    scale = {"h": 1e4, "t_y": 1e4}
-    rows = []
-    for name in comparison["result"].values:
-        fit = comparison.sel(result=name)
-        if np.isfinite(float(fit["shift_h"])):
-            cells = [with_error(fit, k, scale.get(k, 1.0)) for k in ("h", "w", "t_y", "p")]
-            rows.append((titles.get(str(name), str(name)), *cells, number(float(fit["shift_r2"]), 2)))
-    head = ("Global fit of the shift", "h (% per 100 nm)", "w", "t (% per 100 nm)", "p", "r²")
-    return Table(head, rows, numeric=(1, 2, 3, 4, 5)) if rows else None
-
-
-def with_error(fit: xr.Dataset, name: str, scale: float) -> str:
-    value, error = (scale * float(fit[f"shift_{name}{end}"]) for end in ("", "_stderr"))
-    return number(value, 3) + (f" ± {number(error, 2)}" if np.isfinite(error) else "")
 
 
 def spectra_section(content: Content, slopes: Mapping[str, xr.Dataset], comparison: xr.Dataset | None) -> Section:
@@ -139,20 +112,15 @@ def spectra_section(content: Content, slopes: Mapping[str, xr.Dataset], comparis
         caption = (
             "Slope of the linear shift, f/f(600 nm) = (mλ + b)·(F/F(600 nm))ᵖ, fitted spectrum by spectrum with its "
             "standard error, and the global fit in cos(w·θₘ) (as thesis figure 4.8). Above zero the light turns "
-            "towards red."
+            "towards red. Pale: less than 10⁻³ of the largest BRDF at that θᵢ is left. The means below take only the others."
         )
         made.draw(figures.shift_slopes(slopes, content.titles()), caption)
+        made.tables.append(mean_table(slopes, content.titles()))
     table = None if comparison is None else global_fit_table(comparison, content.titles())
     if table is not None:
         made.tables.append(table)
     made.text += skipped_words(comparison)
     return made
-
-
-def skipped_words(comparison: xr.Dataset | None) -> list[str]:
-    """What the comparison could not work out, and why."""
-    skipped = {} if comparison is None else q.text(comparison.attrs.get("skipped"), {})
-    return [f"Not worked out, {part}: {why}." for part, why in skipped.items()] if isinstance(skipped, dict) else []
 
 
 def nearest_words(results: Mapping[str, xr.Dataset], theta_i: float) -> str:

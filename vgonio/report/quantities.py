@@ -125,6 +125,11 @@ def bright(data: xr.Dataset) -> xr.DataArray:
     return data["brdf"] > 1e-3 * data["brdf"].max(dim)
 
 
+def bright_spectra(data: xr.Dataset) -> xr.DataArray:
+    """Where at least half of the spectrum is `bright`: elsewhere its colour says nothing."""
+    return bright(data).mean("wavelength") >= 0.5
+
+
 def relative_error(data: xr.Dataset) -> float:
     """Median of the relative standard error over the bright directions; NaN where no error is known."""
     if "brdf_stderr" not in data:

@@ -9,9 +9,10 @@ import xarray as xr
 
 from . import figures, tables
 from . import quantities as q
-from .colour_sections import colour_differences, colour_section, comparison_of, shift_slopes_of, spectra_section
+from .colour_sections import colour_differences, colour_section, spectra_section
 from .content import Content
 from .section import Detail, Section
+from .shifts import comparison_of, shift_slopes
 from .tables import Table, number, percent
 from .verdict import Agreement, Verdict, pairs, verdict
 
@@ -20,9 +21,9 @@ def compose(content: Content) -> tuple[Verdict, list[Section]]:
     """The verdict and all sections of the page."""
     colour = colour_differences(content)
     comparison = comparison_of(content)
-    slopes = shift_slopes_of(comparison)
+    slopes = shift_slopes(comparison, content.results)
     agreements = pairs(content.results)
-    means = {key: float(maps["reference-Y50"].mean()) for key, maps in colour.items() if "reference-Y50" in maps}
+    means = {key: float(maps["normalised"].mean()) for key, maps in colour.items() if "normalised" in maps}
     makers: list[Callable[[], Section]] = [
         lambda: surface_section(content),
         lambda: reflections_section(content),
@@ -35,7 +36,7 @@ def compose(content: Content) -> tuple[Verdict, list[Section]]:
         lambda: plan_section(content),
         lambda: provenance_section(content),
     ]
-    return verdict(content.results, content.theta_i, slopes, means, agreements), [make() for make in makers]
+    return verdict(content, slopes, means, agreements), [make() for make in makers]
 
 
 # ---- the surface
@@ -136,6 +137,7 @@ def energy_section(content: Content) -> Section:
             f"their sum differs from 100 % by at most {percent(off, 1)}."
         )
         made.draw(figures.energy(rays), caption, "half")
+        made.beside = None if "energy_reflected" in content.results.get("waves", {}) else tables.tallies(rays)
     waves = {name: data for name, data in content.results.items() if "energy_reflected" in data}
     if waves:
         caption = (
@@ -164,7 +166,7 @@ def agreement_section(
         shares = [percent(x) for x in (pair.nrmse, pair.noise, pair.median, pair.within)]
         rows.append((name, *shares, *delta, str(pair.directions)))
     words = (
-        "Pair|NRMSE|of which noise|Median difference|Within 10 %|Mean ΔE₀₀, Y = 50|Mean ΔE₀₀, colour only|Directions"
+        "Pair|NRMSE|of noise alone|Median difference|Within 10 %|Mean ΔE₀₀, Y = 50|Mean ΔE₀₀, colour only|Directions"
     )
     head = tuple(words.split("|"))
     made.tables.append(Table(head, rows, numeric=tuple(range(1, len(head)))))
@@ -196,7 +198,6 @@ def plan_section(content: Content) -> Section:
         made.missing = "the result carries no plan."
         return made
     made.tables.append(table)
-    made.text += [f"To be wary of: {warning}" for warning in content.plan.get("warnings") or []]
     return made
 
 

@@ -97,7 +97,8 @@ def shift_slopes(slopes: Mapping[str, xr.Dataset], titles: Mapping[str, str] | N
     """Slope m of the local linear shift against θₒ, a panel for each θᵢ, with the global fit (thesis figure 4.8).
 
     slopes : for each result a dataset (theta_i, theta_o) with slope, slope_stderr and optionally slope_global, all
-    in nm⁻¹. Drawn in % per 100 nm, so that +10 means: 10 % brighter for every 100 nm towards red.
+    in nm⁻¹, and bright (false: drawn pale, hardly any light there). Drawn in % per 100 nm, so that +10 means: 10 %
+    brighter for every 100 nm towards red.
     """
     from matplotlib.lines import Line2D
 
@@ -107,8 +108,10 @@ def shift_slopes(slopes: Mapping[str, xr.Dataset], titles: Mapping[str, str] | N
     colour = colours(list(slopes))
     reach = []
     for name, data in slopes.items():
-        data = data.sortby("theta_o") * 1e4
-        reach.append(np.nanpercentile(np.abs(data["slope"].values), 97))
+        data = data.sortby("theta_o")
+        data = data.assign({k: data[k] * 1e4 for k in data.data_vars if str(k).startswith("slope")})
+        seen = data["slope"].where(data["bright"]) if "bright" in data else data["slope"]
+        reach.append(np.nan_to_num(np.nanpercentile(np.abs(seen.values), 97)) if seen.notnull().any() else 0.0)
         for ax, theta_i in zip(axes, chosen):
             offset = np.abs(data["theta_i"].values - theta_i)
             if offset.min() <= 0.5:
@@ -131,8 +134,13 @@ def shift_slopes(slopes: Mapping[str, xr.Dataset], titles: Mapping[str, str] | N
 
 def slope_curve(ax: Axes, data: xr.Dataset, colour: str) -> None:
     theta_o, m = data["theta_o"].values, data["slope"].values
-    error = data["slope_stderr"].values if "slope_stderr" in data else None
-    ax.errorbar(theta_o, m, error, fmt="o", ms=2.2, color=colour, elinewidth=0.8, alpha=0.9)
+    error = data["slope_stderr"].values if "slope_stderr" in data else np.zeros(m.shape)
+    bright = data["bright"].values > 0 if "bright" in data else np.ones(m.shape, bool)
+    for shown, alpha in ((bright, 0.9), (~bright, 0.28)):
+        if shown.any():
+            ax.errorbar(
+                theta_o[shown], m[shown], error[shown], fmt="o", ms=2.2, color=colour, elinewidth=0.8, alpha=alpha
+            )
     if "slope_global" in data:
         ax.plot(theta_o, data["slope_global"].values, color=colour, lw=1.2, ls=(0, (4, 2)))
 
@@ -196,17 +204,14 @@ def delta_e_maps(maps: Mapping[str, xr.DataArray]) -> Figure:
     maps : for each pair ("rays and waves") an array (theta_i, theta_o). The mean stands below each map.
     """
     figure, axes = map_figure(len(maps))
-    top = max(
-        1.0, max(float(np.nanpercentile(m.values, 98)) if np.isfinite(m.values).any() else 0.0 for m in maps.values())
-    )
+    known = np.concatenate([m.values[np.isfinite(m.values)] for m in maps.values()])
+    top = float(np.clip(np.percentile(known, 95) if known.size else 1.0, 1.0, LARGEST_DELTA_E))
     for ax, (name, data) in zip(axes, maps.items()):
         data = data.sortby("theta_i").sortby("theta_o").transpose("theta_i", "theta_o")
         values = np.ma.masked_invalid(data.values)
         mesh = squares(ax, data, values, np.isnan(data.values), cmap="viridis", vmin=0, vmax=top)
         ax.set_title(name)
-        ax.set_xlabel(
-            f"θₒ (°)   mean {float(np.nanmean(data.values)):.2g}, largest {float(np.nanmax(data.values)):.2g}"
-        )
+        ax.set_xlabel(f"θₒ (°)   mean {float(data.mean()):.3g}, largest {float(data.max()):.3g}")
     axes[0].set_ylabel("θᵢ (°)")
     bar = figure.colorbar(mesh, ax=axes, shrink=0.9, pad=0.015, aspect=24, extend="max")
     bar.set_label("ΔE₀₀")

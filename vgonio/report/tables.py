@@ -8,10 +8,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from . import quantities as q
-from .style import SUPERSCRIPT
+from .style import SUPERSCRIPT, angle, some
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,17 @@ def number(value: Any, digits: int = 3) -> str:
     return f"{mantissa}·10{str(int(power)).translate(SUPERSCRIPT)}".replace("-", "−")
 
 
+def plus_minus(value: float, error: float) -> str:
+    """9.1 ± 0.3: the error with one digit, two where it begins with 1, the value to the same place."""
+    if not (math.isfinite(error) and error > 0):
+        return number(value)
+    if not 1e-3 <= error < 1e4:
+        return f"{number(value, 2)} ± {number(error, 1)}"
+    power = math.floor(math.log10(error))
+    places = max(0, -power + (1 if error / 10.0**power < 1.95 else 0))
+    return f"{value:.{places}f} ± {error:.{places}f}".replace("-", "−")
+
+
 def percent(share: float, digits: int = 2) -> str:
     """0.123 → 12 %; below a thousandth of a percent in powers of ten."""
     if share is None or not math.isfinite(share):
@@ -60,15 +72,24 @@ def first(attrs: Mapping[Any, Any], *names: str, default: Any = None) -> Any:
     return next((attrs[n] for n in names if n in attrs and attrs[n] != ""), default)
 
 
+def whole(value: Any) -> str:
+    """A count as it is, – for nothing."""
+    return "–" if value in (None, "") else f"{int(value)}"
+
+
+def time_text(seconds: Any) -> str:
+    """Seconds with three digits, hundredths at most."""
+    return "–" if seconds in (None, "") else f"{float(seconds):.{2 if float(seconds) < 9.995 else 1}f}"
+
+
 def errors_and_seconds(results: Mapping[str, xr.Dataset], seconds: Mapping[str, float]) -> Table:
     """Error and seconds of every part on one line, the error with how it was estimated."""
     head = ("Part", "Made by", "Standard error, median", "Error asked", "achieved", "estimated from", "Seconds", "Seed")
     rows = []
     for name, data in results.items():
         a = data.attrs
-        made = ", ".join(str(x) for x in (first(a, "backend"), first(a, "device")) if x) or str(
-            first(a, "method", default="–")
-        )
+        parts = [str(x) for x in (first(a, "backend"), first(a, "device")) if x]
+        made = ", ".join(parts) or str(first(a, "source", "method", default="–"))
         rows.append(
             (
                 q.title(name, data),
@@ -77,17 +98,31 @@ def errors_and_seconds(results: Mapping[str, xr.Dataset], seconds: Mapping[str, 
                 number(first(a, "tolerance_asked", "tolerance", "tol"), 2),
                 number(first(a, "error_achieved", "error"), 2),
                 str(first(a, "error_estimate", "error_estimated", default="–")),
-                number(first(a, "seconds", default=seconds.get(name)), 3),
-                number(first(a, "seed")),
+                time_text(first(a, "seconds", default=seconds.get(name))),
+                whole(first(a, "seed")),
             )
         )
     known = {*results}
     for part, time in seconds.items():
         if part not in known:
-            rows.append((part.capitalize(), "", "", "", "", "", number(time, 3), ""))
+            rows.append((part.capitalize(), "", "", "", "", "", time_text(time), ""))
     if seconds:
-        rows.append(("All parts", "", "", "", "", "", number(sum(seconds.values()), 3), ""))
+        rows.append(("All parts", "", "", "", "", "", time_text(sum(seconds.values())), ""))
     return Table(head, rows, numeric=(2, 3, 4, 6, 7))
+
+
+def tallies(rays: xr.Dataset) -> Table:
+    """Energy of the rays by angle of incidence in %, at the wavelength that the figure shows."""
+    parts = q.near(q.tallies(rays.sortby("theta_i")))
+    bounces = [f"{n}" for n in rays["bounce"].values.astype(int)]
+    bounces[-1] += "+" if len(bounces) > 1 else ""
+    columns = [100 * parts["by_bounce"].isel(bounce=i) for i in range(len(bounces))]
+    further = [name for name in ("absorbed", "lost", "sum") if name in parts]
+    columns += [100 * parts[name] for name in further]
+    angles = some(parts["theta_i"].values, 12)
+    rows = [(angle(t), *(f"{float(c.sel(theta_i=t)):.2f}" for c in columns)) for t in angles]
+    head = ("θᵢ", *(f"{n} refl." for n in bounces), *further)
+    return Table(head, rows, numeric=tuple(range(1, len(head))), caption="In % of the incident power")
 
 
 # symbol: (what it is, unit)
@@ -153,4 +188,5 @@ def provenance_table(provenance: Mapping[str, Any]) -> Table | None:
 
 def attributes(data: xr.Dataset) -> str:
     """All attributes of a result as indented JSON, attributes that hold JSON unpacked."""
-    return json.dumps({str(k): q.text(v) for k, v in data.attrs.items()}, indent=2, ensure_ascii=False, default=str)
+    plain = {str(k): v.item() if isinstance(v, np.generic) else q.text(v) for k, v in data.attrs.items()}
+    return json.dumps(plain, indent=2, ensure_ascii=False, default=str)

@@ -12,13 +12,14 @@ import numpy as np
 import xarray as xr
 
 from ..compare.metrics import align, nrmse
+from ..errors import InputError
 from . import quantities as q
+from .content import Content
+from .shifts import in_words, mean_shift, signed
 from .style import angle
 from .tables import first, number, percent
 
 SUM_TOLERANCE = 1e-6  # the white furnace and every tally close to rounding; this is far above it
-SIGNIFICANT = 3.0  # standard errors
-NEGLIGIBLE = 1e-4  # nm⁻¹: 1 % per 100 nm is below what is seen as a colour
 
 
 @dataclass
@@ -32,11 +33,12 @@ class Card:
 
 @dataclass
 class Verdict:
-    """Alarms come first and are red, cards show the key figures, statements say it in sentences."""
+    """Alarms come first and are red, cards show the key figures, statements say it in sentences, cautions warn."""
 
     alarms: list[str] = field(default_factory=list)
     cards: list[Card] = field(default_factory=list)
     statements: list[str] = field(default_factory=list)
+    cautions: list[str] = field(default_factory=list)
 
     def add(self, statement: str | None) -> None:
         if statement:
@@ -45,33 +47,34 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Agreement:
-    """How far two results are apart: NRMSE over all common directions and wavelengths; median of |a − b| over b."""
+    """How far two results are apart. Medians are of |a − b|/b where b exceeds 10⁻³ of its largest value."""
 
     names: tuple[str, str]
-    nrmse: float
+    nrmse: float  # over all common directions and wavelengths
+    noise: float  # the NRMSE that the standard errors alone would give; NaN where there are none
     median: float
-    within: float  # share of the bright directions whose spectra differ by less than a tenth
-    noise: float  # what the standard errors alone would give as NRMSE; NaN where neither has any
+    mirror_side: float  # the median where θ_o and θ_i lie on different sides of the normal, in plane
+    source_side: float
+    within: float  # share of the directions that differ by less than a tenth, averaged over the spectrum
     directions: int
 
 
 def verdict(
-    results: Mapping[str, xr.Dataset],
-    theta_i: float,
+    content: Content,
     slopes: Mapping[str, xr.Dataset],
     colour: Mapping[str, float],
     agreements: Sequence[Agreement],
 ) -> Verdict:
-    """All that can be said of these results.
+    """All that can be said of a result.
 
-    theta_i : the angle of incidence to speak of;  slopes : per result the local shift fit (slope, slope_stderr)
-    colour : mean ΔE₀₀ by pair, "rays and waves";  agreements : from `pairs`
+    slopes : per result the local shift fits, see `shifts.shift_slopes`
+    colour : mean ΔE₀₀ of the colour alone by pair, "rays and waves";  agreements : from `pairs`
     """
-    made = Verdict()
+    made, results = Verdict(), content.results
     if "rays" in results and "brdf_by_bounce" in results["rays"]:
-        reflections(made, results["rays"], theta_i)
+        reflections(made, results["rays"], content.theta_i)
     for name, data in slopes.items():
-        shift(made, results, name, data, theta_i)
+        shift(made, results, name, data)
     for pair in agreements:
         agreement_of(made, results, pair, colour)
     made.add(largest_error(results))
@@ -79,9 +82,22 @@ def verdict(
         energy_of_rays(made, results["rays"])
     for name, data in results.items():
         energy_of_waves(made, name, data)
+    made.cautions += cautions(content)
     if not (made.statements or made.alarms):
         made.add("The result holds nothing that can be judged yet: no rays, no waves, no measurement.")
     return made
+
+
+def cautions(content: Content) -> list[str]:
+    """What the measured file says of itself, and the warnings of the plan."""
+    found = []
+    if "measured" in content.results:
+        a = content.results["measured"].attrs
+        told = first(a, "provenance", "comment")
+        if told:
+            found.append(f"The measurement ({first(a, 'source', default='its file')}) says of itself: {told}")
+    warnings = (str(w) for w in content.plan.get("warnings") or [])
+    return found + [w[:1].upper() + w[1:] + ("" if w.endswith(".") else ".") for w in warnings]
 
 
 # ---- energy
@@ -127,25 +143,35 @@ def energy_of_waves(made: Verdict, name: str, data: xr.Dataset) -> None:
 
 # ---- reflections
 def reflections(made: Verdict, rays: xr.Dataset, theta_i: float) -> None:
-    """Share of multiple reflections in the mirror direction and in back-scattering."""
+    """Share of multiple reflections: of all reflected light, in the mirror direction and in back-scattering."""
     one = q.incidence(q.near(rays), theta_i, tolerance=90.0)
-    found = {} if one is None else {side: share_at(one, o) for side, o in (("mirror", -theta_i), ("back", theta_i))}
-    known = {side: value for side, value in found.items() if value is not None}
-    if one is None or "mirror" not in known:
+    sides = {"the mirror direction": -theta_i} | ({"back-scattering": theta_i} if theta_i else {})
+    found = {} if one is None else {side: share_at(one, theta_o) for side, theta_o in sides.items()}
+    known = {side: share_text(*value) for side, value in found.items() if value is not None}
+    if one is None or not known:
         return
     where = f"rays, {number(float(one['wavelength']))} nm, θᵢ = {angle(theta_i)}"
-    mirror = share_text(*known["mirror"])
-    if theta_i == 0 or "back" not in known:
-        made.cards.append(Card("Multiple reflections, mirror direction", short(known["mirror"]), where))
-        made.add(f"Multiple reflections make {mirror} of the light in the mirror direction ({where}).")
-        return
-    mirror_and_back = f"{short(known['mirror'])} → {short(known['back'])}"
-    made.cards.append(Card("Multiple reflections, mirror → back-scattering", mirror_and_back, where))
-    back = share_text(*known["back"])
-    made.add(
-        f"Multiple reflections make {mirror} of the light in the mirror direction and {back} in back-scattering "
-        f"({where}){crossing(one, theta_i)}."
-    )
+    parts = [f"{text} of the light in {side}" for side, text in known.items()]
+    total = total_share(rays, theta_i)
+    of_all = f"{percent(total)} of all reflected light, " if math.isfinite(total) else ""
+    made.add(f"Multiple reflections make {of_all}{' and '.join(parts)} ({where}){crossing(one, theta_i)}.")
+    short = " → ".join(percent(v[0]) if v and math.isfinite(v[0]) else "?" for v in found.values())
+    if math.isfinite(total):
+        note = f"of all reflected light; {short} from mirror direction to back-scattering ({where})"
+        made.cards.append(
+            Card("Reflected more than once", percent(total), note if theta_i else f"of all reflected light ({where})")
+        )
+    else:
+        made.cards.append(Card("Reflected more than once", short, f"{' → '.join(known)} ({where})"))
+
+
+def total_share(rays: xr.Dataset, theta_i: float) -> float:
+    """Share of the reflected power that was reflected more than once; NaN without tallies."""
+    if "energy_by_bounce" not in rays:
+        return math.nan
+    energy = q.near(rays)["energy_by_bounce"].sel(theta_i=theta_i, method="nearest")
+    total = float(energy.sum())
+    return 1 - float(energy.sel(bounce=1)) / total if total > 0 else math.nan
 
 
 def share_at(one: xr.Dataset, theta_o: float) -> tuple[float, float] | None:
@@ -160,10 +186,6 @@ def share_text(share: float, error: float) -> str:
     if not math.isfinite(share):
         return "an unknown share (too few rays were caught)"
     return percent(share) + (f" (± {percent(error, 1)})" if math.isfinite(error) and error > 0 else "")
-
-
-def short(found: tuple[float, float]) -> str:
-    return percent(found[0]) if math.isfinite(found[0]) else "too few"
 
 
 def crossing(one: xr.Dataset, theta_i: float) -> str:
@@ -182,8 +204,6 @@ def crossing(one: xr.Dataset, theta_i: float) -> str:
 # ---- agreement
 def pairs(results: Mapping[str, xr.Dataset]) -> list[Agreement]:
     """Every pair of results that have directions and wavelengths in common; the second, the reference, is the later."""
-    from ..errors import InputError
-
     found = []
     for a, b in itertools.combinations(results, 2):
         try:
@@ -198,23 +218,29 @@ def agreement(results: Mapping[str, xr.Dataset], a: str, b: str) -> Agreement:
     x, y = align(results[a], results[b])
     both = np.isfinite(x["brdf"]) & np.isfinite(y["brdf"])
     relative = (abs(x["brdf"] - y["brdf"]) / y["brdf"]).where(both & q.bright(y))
-    mean = float(y["brdf"].where(both).mean())
     spread = relative.mean("wavelength")
     known = np.isfinite(spread)
+    mirror_side = source_side = math.nan
+    if q.in_plane(y):
+        side = y["theta_o"] * y["theta_i"]
+        mirror_side, source_side = (float(relative.where(chosen).median()) for chosen in (side < 0, side > 0))
     return Agreement(
         (a, b),
         float(nrmse(results[b], results[a])),
+        noise_of(x, y, both),
         float(relative.median()),
+        mirror_side,
+        source_side,
         float((spread < 0.1).where(known).mean()),
-        noise_of(x, y, both, mean),
         int(known.sum()),
     )
 
 
-def noise_of(x: xr.Dataset, y: xr.Dataset, both: Any, mean: float) -> float:
-    """NRMSE that the standard errors alone would give."""
+def noise_of(x: xr.Dataset, y: xr.Dataset, both: Any) -> float:
+    """NRMSE that the standard errors alone would give; y is the reference."""
     parts = [(d["brdf_stderr"] ** 2).where(both) for d in (x, y) if "brdf_stderr" in d]
-    return float(np.sqrt(sum(float(p.mean()) for p in parts)) / mean) if parts else math.nan
+    mean = float(y["brdf"].where(both).mean())
+    return float(np.sqrt(sum(float(p.mean()) for p in parts)) / mean) if parts and mean > 0 else math.nan
 
 
 def agreement_of(
@@ -224,64 +250,38 @@ def agreement_of(
     a, b = pair.names
     first_one, second = q.title(a, results[a]), q.in_words(b, results[b])
     delta = f", mean ΔE₀₀ {number(colour[f'{a} and {b}'], 2)}" if f"{a} and {b}" in colour else ""
-    note = f"median difference {percent(pair.median)}{delta}"
-    made.cards.append(Card(f"{first_one} against {second}", f"NRMSE {percent(pair.nrmse)}", note))
+    note = f"NRMSE {percent(pair.nrmse)}{delta}"
+    made.cards.append(Card(f"{first_one} against {second}, median difference", percent(pair.median), note))
+    sides = ""
+    if math.isfinite(pair.mirror_side) and math.isfinite(pair.source_side):
+        sides = f": {percent(pair.mirror_side)} on the mirror's side, {percent(pair.source_side)} on the source's side"
     noise = ""
     if math.isfinite(pair.noise):
-        mostly = pair.noise**2 > 0.5 * pair.nrmse**2
-        kind = "mostly noise" if mostly else "real"
-        noise = f"; noise alone would give {percent(pair.noise)}, so the difference is {kind}"
+        kind = "mostly noise" if pair.noise**2 > 0.5 * pair.nrmse**2 else "not noise"
+        noise = f"; noise alone would give {percent(pair.noise)}, so that is {kind}"
     made.add(
-        f"{first_one} and {second} differ by an NRMSE of {percent(pair.nrmse)}{delta}{noise}. Averaged over the "
-        f"spectrum they agree within 10 % in {percent(pair.within)} of {pair.directions} pairs of directions."
+        f"{first_one} and {second} differ by {percent(pair.median)} in the median{sides}. NRMSE, which the brightest "
+        "directions rule: "
+        f"{percent(pair.nrmse)}{noise}.{delta[1:].replace(' mean', ' Mean') + ', colour alone.' if delta else ''}"
     )
 
 
 # ---- colour shift
-def shift(made: Verdict, results: Mapping[str, xr.Dataset], name: str, slopes: xr.Dataset, theta_i: float) -> None:
-    """Strength of the linear shift in the mirror direction and in back-scattering, with its significance."""
-    asked = {"the mirror direction": -theta_i} | ({"back-scattering": theta_i} if theta_i else {})
-    found = {side: slope_at(slopes, theta_i, theta_o) for side, theta_o in asked.items()}
-    known = {side: value for side, value in found.items() if value is not None}
-    if not known:
+def shift(made: Verdict, results: Mapping[str, xr.Dataset], name: str, slopes: xr.Dataset) -> None:
+    """Mean strength of the linear shift near the mirror direction and back-scattering, with its significance."""
+    mirror, back = (mean_shift(slopes, side) for side in ("mirror", "back"))
+    if mirror is None and back is None:
         return
     words = q.in_words(name, results[name]) if name in results else name
-    sentence = "; ".join(f"{slope_text(*value)} in {side}" for side, value in known.items())
-    made.add(f"Colour shift of {words} at θᵢ = {angle(theta_i)}: {sentence}.")
+    made.add(
+        f"Colour shift of {words}: {in_words(mirror)} around the mirror direction, {in_words(back)} around "
+        "back-scattering."
+    )
     if name == "waves" or (name == "measured" and "waves" not in results):
-        what = f"Colour shift of {words}" + (", mirror → back-scattering" if len(known) > 1 else "")
-        value = " → ".join(signed(m) for m, _ in known.values()) + " %"
-        made.cards.append(Card(what, value, f"per 100 nm, θᵢ = {angle(theta_i)}"))
-
-
-def slope_at(slopes: xr.Dataset, theta_i: float, theta_o: float, tolerance: float = 10.0) -> tuple[float, float] | None:
-    """(m, its standard error) in nm⁻¹ at the nearest pair of directions that has a fit; None if there is none near."""
-    if "theta_o" not in slopes["slope"].dims:
-        return None
-    one = slopes.isel(theta_i=int(np.abs(slopes["theta_i"].values - theta_i).argmin()))
-    offset = np.where(np.isfinite(one["slope"].values), np.abs(one["theta_o"].values - theta_o), np.inf)
-    if offset.min() > tolerance:
-        return None
-    here = one.isel(theta_o=int(offset.argmin()))
-    return float(here["slope"]), float(here["slope_stderr"]) if "slope_stderr" in here else math.nan
-
-
-def signed(m: float) -> str:
-    """Slope in % per 100 nm with its sign."""
-    return ("+" if m > 0 else "") + number(m * 1e4, 2)
-
-
-def slope_text(m: float, error: float) -> str:
-    """+9.1 ± 0.3 % per 100 nm, towards red (30 σ)."""
-    if not (math.isfinite(error) and error > 0):
-        return f"{signed(m)} % per 100 nm"
-    value = f"{signed(m)} ± {number(error * 1e4, 1)} % per 100 nm"
-    sigma = abs(m) / error
-    if sigma < SIGNIFICANT:
-        return f"{value}, not significant ({sigma:.1f} σ),"
-    if abs(m) < NEGLIGIBLE:
-        return f"{value}, practically none,"
-    return f"{value}, towards {'red' if m > 0 else 'blue'} ({sigma:.0f} σ),"
+        value = " → ".join("?" if m is None else signed(m.slope) for m in (mirror, back)) + " %"
+        made.cards.append(
+            Card(f"Colour shift of {words}", value, "per 100 nm, from mirror direction to back-scattering")
+        )
 
 
 # ---- what limits it
@@ -292,7 +292,7 @@ def largest_error(results: Mapping[str, xr.Dataset]) -> str | None:
         words = q.in_words(name, data)
         median = q.relative_error(data)
         if math.isfinite(median):
-            kind = "speckle (few independent coherence windows)" if name.startswith("waves") else "noise"
+            kind = "speckle" if name.startswith("waves") else "noise"
             known.append((median, f"{kind} of {words}, median standard error {percent(median)} of the BRDF"))
         numerical = first(data.attrs, "error_achieved", "error")
         if name.startswith("waves") and isinstance(numerical, (int, float)) and math.isfinite(numerical):
