@@ -178,6 +178,14 @@ def test_warnings_are_one_line_each(scene, capsys):
     assert all(line.startswith("vgonio: warning: ") for line in lines)
 
 
+def test_a_tolerance_that_was_missed_is_warned_about(scene, capsys):
+    assert (
+        main(["simulate", str(scene), "-o", "r.nc", "--set", "geometric.tol=0.001", "--set", "geometric.rays=2000"])
+        == 0
+    )
+    assert "instead of the 0.001 asked for" in capsys.readouterr().err
+
+
 def test_plan_as_json(scene, capsys):
     assert main(["plan", str(scene), "--json"]) == 0
     stages = {s["name"]: s for s in json.loads(capsys.readouterr().out)["stages"]}

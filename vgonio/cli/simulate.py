@@ -50,7 +50,7 @@ def simulate(
         )
     with progress_bars() as progress:
         tree = run(checked, progress=progress, output=output, report=report)
-    _warn(json.loads(tree.attrs["plan"])["warnings"])
+    _warn([*json.loads(tree.attrs["plan"])["warnings"], *_missed(tree)])
     if as_json:
         print_json({"title": tree.attrs["title"], "parts": _parts(tree)})
     elif not quiet:
@@ -65,6 +65,18 @@ def _tell(tree: Any) -> None:
     columns = ("part", "seconds", "error asked", "error achieved", "backend")
     print(_imported(tree) or tree.attrs["title"])
     print_table("", columns, [list(r.values()) for r in _parts(tree)])
+
+
+def _missed(tree: Any) -> list[str]:
+    """A line for each part whose error is larger than was asked for."""
+    found = []
+    for name, node in tree.children.items():
+        asked, achieved = (node.attrs.get(k) for k in ("tolerance_asked", "error_achieved"))
+        if isinstance(asked, float) and isinstance(achieved, float) and achieved > asked:
+            found.append(
+                f"{name}: error {achieved:.2g} instead of the {asked:g} asked for ({node.attrs['error_estimate']})"
+            )
+    return found
 
 
 def _imported(tree: Any) -> str:
