@@ -1,0 +1,206 @@
+"""S(q) = ∫ w(x, y) exp(−i q · (x, y, z(x, y))) dx dy over the interpolated surface, to a tolerance."""
+
+from __future__ import annotations
+
+import importlib
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import BackendError, InputError, VgonioWarning, nearest
+from ..surface.heightfield import Heightfield
+from ..surface.interpolant import Interpolant
+from . import nufft
+from .quadrature import Complex, Floats, Points, axis_rule, choose_rule, rates
+
+METHODS = ("auto", "nufft", "opencl", "reference")
+CHECKED = 48  # scattering vectors whose integral is computed again on a finer grid
+MAX_POINTS = 60_000_000  # of one refined grid: 1.4 GB with weights
+OPENCL_RATE = 7e8  # terms per second of the direct sum on two cores, only to choose between methods
+OPENCL_TOL = 1e-5
+REFERENCE_RATE = 2e7
+
+
+@dataclass(frozen=True, eq=False)
+class Transform:
+    """S (m,) in µm² and how it was obtained."""
+
+    S: Complex
+    error: float  # estimated ‖ΔS‖₂ / ‖S‖₂
+    method: str
+    spacing_um: tuple[float, float]  # of the points along y and x
+    points: int
+
+
+def surface_fourier(
+    surface: Heightfield, q: ArrayLike, window: ArrayLike | None = None, method: str = "auto", tol: float = 1e-6
+) -> Complex:
+    """(m,) complex128 S(q) in µm² at scattering vectors q (m, 3) float64 in rad/µm.
+
+    window : None, or (ny, nx) weights at the samples, interpolated like z
+    method : "nufft", "opencl" (precision 1e-5), "reference" (direct sum, double) or "auto"
+    tol : ‖ΔS‖₂ ≤ tol·‖S‖₂ over the q asked for; the refinement of the grid follows from it
+
+    Raises InputError for bad shapes or missing points, BackendError where a method cannot run; warns (VgonioWarning)
+    with the reason and the estimated error where the tolerance is not met.
+    """
+    return evaluate(surface, q, window, method, tol).S
+
+
+def evaluate(
+    surface: Heightfield, q: ArrayLike, window: ArrayLike | None = None, method: str = "auto", tol: float = 1e-6
+) -> Transform:
+    """As `surface_fourier`, with the estimated error, the method taken and the grid."""
+    vectors = _vectors(q)
+    w = _window(surface, window)
+    if method not in METHODS:
+        raise InputError(f"method {method!r}: {nearest(str(method), METHODS)}")
+    if not 0 < tol < 1:
+        raise InputError(f"tol = {tol}: a relative error between 0 and 1 is needed")
+    surface.require_complete()
+    if len(vectors) == 0:
+        return Transform(np.zeros(0, np.complex128), 0.0, method, surface.pitch_um, 0)
+    rule = _rule(surface, vectors, w, tol)
+    fastest = np.maximum(rates(surface, vectors), 1e-9)
+    # one point a cycle of the fastest phase, and more the smaller the tolerance
+    per_cycle = {"uniform": 1.1 + 0.15 * -np.log10(tol), "gauss": 2.5 + 0.4 * -np.log10(tol), "cells": 1.0}[rule]
+    spacing = 2 * np.pi / fastest / per_cycle
+    chosen = _choose(method, surface, vectors, spacing, tol)
+    error = np.inf
+    for attempt in range(8):
+        points = sample(surface, spacing, rule, w)
+        S = apply(chosen, points, vectors, tol / 3)
+        some = _subset(S, vectors)
+        if rule == "cells":
+            error = 0.0
+            break
+        fine = sample(surface, tuple(s / 1.5 for s in spacing), rule, w)
+        error = _distance(S, apply(check_method(chosen, fine, vectors[some], tol), fine, vectors[some], tol / 10), some)
+        if error <= 0.7 * tol or attempt == 7 or 4 * fine.size > MAX_POINTS:
+            break
+        spacing = spacing / (1.5 if rule == "uniform" else 1.4)
+    floor = _floor(chosen, points, vectors)
+    total = float(np.hypot(error, max(tol / 3, floor) if chosen != "reference" else floor))
+    if total > tol:
+        why = f"single precision of {chosen}" if floor > error else f"a grid of {points.size:.3g} points is not enough"
+        warnings.warn(f"surface_fourier: {total:.1e} instead of {tol:.1e}: {why}", VgonioWarning, stacklevel=3)
+    return Transform(S, total, chosen, (float(spacing[0]), float(spacing[1])), points.size)
+
+
+def sample(surface: Heightfield, spacing: ArrayLike, rule: str, window: Interpolant | None = None) -> Points:
+    """Points and weights over the whole domain. One profile repeated costs one dimension where there is no window."""
+    ip = surface.interpolant
+    sy, sx = np.asarray(spacing, float)
+    ly, lx = surface.size_um
+    x, wx = axis_rule(ip.x_axis, 0.0, lx, sx, rule)
+    cell = surface.pitch_um if rule == "cells" else (0.0, 0.0)
+    if surface.is_profile and window is None:
+        y, wy, cell = np.array([ly / 2]), np.array([ly]), (ly, cell[1])
+    else:
+        y, wy = axis_rule(ip.y_axis, 0.0, ly, sy, rule)
+    weight = wy[:, None] * wx[None, :]
+    if window is not None:
+        weight = weight * window.grid(y, x)
+    return Points(x, y, ip.grid(y, x), weight, cell)
+
+
+def apply(method: str, points: Points, q: Floats, tol: float, azimuth: float | None = None) -> Complex:
+    """The sum over `points` by the module of that name."""
+    if method == "nufft":
+        return nufft.transform(points, q, tol, azimuth)
+    return importlib.import_module(f"vgonio.wave.{method}").transform(points, q, tol)
+
+
+def _vectors(q: ArrayLike) -> Floats:
+    vectors = np.ascontiguousarray(np.asarray(q, dtype=np.float64))
+    if vectors.ndim != 2 or vectors.shape[1] != 3 or not np.isfinite(vectors).all():
+        raise InputError(f"q has shape {vectors.shape}: (m, 3) finite scattering vectors in rad/µm are needed")
+    return vectors
+
+
+def _window(surface: Heightfield, window: ArrayLike | None) -> Interpolant | None:
+    if window is None:
+        return None
+    w = np.asarray(window, dtype=np.float64)
+    if w.shape != surface.shape or not np.isfinite(w).all():
+        raise InputError(f"the window has shape {w.shape}: finite weights of shape {surface.shape} are needed")
+    return Interpolant(w, surface.pitch_um, surface.periodic, surface.interpolation)
+
+
+def _rule(surface: Heightfield, q: Floats, window: Interpolant | None, tol: float) -> str:
+    """Midpoints need an integrand that vanishes at the ends, or one that repeats: then q lies on the field's orders."""
+    ly, lx = surface.size_um
+    turns = q[:, :2] * np.array([lx, ly]) / (2 * np.pi)
+    # along a repeated profile without a window y is integrated in closed form
+    axes = turns[:, :1] if surface.is_profile and window is None else turns
+    repeats = surface.periodic and window is None and bool(np.all(np.abs(axes - np.rint(axes)) < 1e-9))
+    vanishes = False
+    if window is not None:
+        edge = [window.grid(np.array([0, ly]), surface.x), window.grid(surface.y, np.array([0, lx])).T]
+        vanishes = max(np.abs(e).max() for e in edge) < 1e-12 * np.abs(window.values).max()
+    return choose_rule(surface, vanishes, repeats, tol)
+
+
+def _choose(method: str, surface: Heightfield, q: Floats, spacing: Floats, tol: float) -> str:
+    """The method that will do for the tolerance, and is expected to be the fastest."""
+    if method != "auto":
+        return method
+    n = np.prod(np.maximum(np.asarray(surface.size_um) / spacing, 1))
+    if n * len(q) < 2e6:
+        return "reference"
+    grid = [np.array([0.0, side]) for side in surface.size_um]
+    z = np.array([[surface.z.min(), surface.z.max()]] * 2)
+    proxy = Points(grid[1], grid[0], z, np.ones((2, 2)))
+    fast = nufft.seconds(proxy, q, tol) + nufft.rows(q) * n / 2e7
+    if tol >= OPENCL_TOL and n * len(q) / OPENCL_RATE < fast and _has_opencl():
+        return "opencl"
+    return "nufft" if fast < n * len(q) / REFERENCE_RATE else "reference"
+
+
+def check_method(chosen: str, fine: Points, q: Floats, tol: float) -> str:
+    """What computes the few vectors on the finer grid: the method itself, or the direct sum where that is quicker."""
+    direct = "opencl" if tol >= 100 * OPENCL_TOL and _has_opencl() else "reference"
+    rate = OPENCL_RATE if direct == "opencl" else REFERENCE_RATE
+    quick = fine.size * len(q) / rate < nufft.seconds(fine, q, tol)
+    return direct if quick else ("nufft" if chosen == "opencl" else chosen)
+
+
+def _has_opencl() -> bool:
+    try:
+        importlib.import_module("vgonio.wave.opencl").device()
+    except BackendError:
+        return False
+    return True
+
+
+def _subset(S: Complex, q: Floats) -> np.ndarray:
+    """The strongest, the farthest, and some in between: a sorted selection of at most CHECKED vectors."""
+    m = len(q)
+    if m <= CHECKED:
+        return np.arange(m)
+    third = CHECKED // 3
+    strong = np.argsort(-np.abs(S))[:third]
+    far = np.argsort(-np.linalg.norm(q, axis=1))[:third]
+    return np.unique(np.concatenate([strong, far, np.linspace(0, m - 1, third).astype(int)]))
+
+
+def _distance(S: Complex, fine: Complex, some: np.ndarray) -> float:
+    """‖ΔS‖₂/‖S‖₂, the part that was not computed again counted in proportion."""
+    total = np.linalg.norm(S)
+    if total == 0:
+        return float(np.linalg.norm(fine))
+    weakest = np.setdiff1d(some, np.argsort(-np.abs(S))[: len(some) // 3])
+    delta = np.abs(S[some] - fine)
+    rest = len(S) - len(some)
+    typical = np.mean(delta[np.isin(some, weakest)] ** 2) if len(weakest) else 0.0
+    return float(np.sqrt(np.sum(delta**2) + rest * typical) / total)
+
+
+def _floor(method: str, points: Points, q: Floats) -> float:
+    """Rounding that no refinement removes."""
+    if method == "opencl":
+        return OPENCL_TOL
+    largest = np.abs(q[:, 2]).max() * np.abs(points.z).max(initial=0.0) + np.abs(q[:, 0]).max() * points.x.max()
+    return float(4 * np.finfo(float).eps * max(largest, 1.0))

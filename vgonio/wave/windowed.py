@@ -1,0 +1,184 @@
+"""All coherence windows, rows and directions of an in-plane detector together.
+
+A two-dimensional type-3 transform for each window and each row q_v spreads every point of the surface again and again.
+But the points lie on a grid in (x, y), only z is irregular, and windows and rows are products of functions of x and y:
+
+1. at uniform q_l over the band of q_z, sum over y: G(row, l, x) = Σ_y w_y(y) exp(−i q_v y) exp(−i q_l z) / ψ̂(z), a
+   matrix product of (rows × y) with (y × x), exp(−i q_l z) going on from l to l + 1 by one multiplication;
+2. for every window along x: weigh with w_x, fast Fourier transform along x;
+3. interpolate from the grid (q_l, q_u) to the scattering vectors with the kernel whose transform was divided out.
+
+Steps 2 and 3 are the standard type-2 non-uniform transform with the "exponential of semicircle" kernel of Barnett,
+Magland and af Klinteberg (2019). The product costs no more for many windows along x than for one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.fft
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..surface.heightfield import Heightfield
+from .coherence import Window
+from .quadrature import Complex, Floats
+
+OVERSAMPLING_Z, OVERSAMPLING_X = 1.5, 2.0
+COLUMNS = 256  # of one matrix product: (y × columns) stays in the cache
+MIN_ROWS = 4  # with fewer rows of q_v the separate transforms are quicker
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """ψ(t) = exp(β (√(1 − t²) − 1)) on |t| < 1, `width` grid cells wide (Barnett 2019, 1.8)."""
+
+    width: int
+    beta: float
+
+    @staticmethod
+    def of(tol: float, oversampling: float) -> Kernel:
+        """Width from the kernel's error bound exp(−π w √(1 − 1/σ)), β just inside the cut-off."""
+        width = int(np.ceil(np.log(1 / tol) / (np.pi * np.sqrt(1 - 1 / oversampling)))) + 1
+        width = int(np.clip(width, 3, 24))
+        return Kernel(width, 0.97 * np.pi * width * (1 - 1 / (2 * oversampling)))
+
+    def __call__(self, t: Floats) -> Floats:
+        return np.exp(self.beta * (np.sqrt(np.maximum(1 - t**2, 0.0)) - 1))
+
+    def transform(self, frequency: Floats) -> Floats:
+        """∫ ψ(2s/width) exp(−i frequency s) ds over s in grid cells, frequency in rad per cell."""
+        t, w = np.polynomial.legendre.leggauss(4 * self.width + 16)
+        half = self.width / 2
+        flat = np.ravel(frequency)
+        return (np.cos(np.outer(flat, half * t)) @ (half * w * self(t))).reshape(np.shape(frequency))
+
+    def taps(self, position: Floats) -> tuple[NDArray[np.int64], Floats]:
+        """First grid index and the `width` weights around each position (in cells)."""
+        first = np.ceil(position - self.width / 2).astype(np.int64)
+        distance = first[:, None] + np.arange(self.width) - position[:, None]
+        return first, self(2 * distance / self.width)
+
+
+def sums(
+    surface: Heightfield, windows: list[Window], spacing: tuple[float, float], q: Floats, tol: float
+) -> Iterator[tuple[Complex, float]]:
+    """S (m,) and A_w for every window in turn; q (m, 3) in rows of equal q_y, positions count from the window's centre.
+
+    The windows of equal y_c have to follow each other, as `coherence.tile` makes them.
+    """
+    ip = surface.interpolant
+    lx = surface.size_um[1]
+    n = int(np.ceil(lx / spacing[1]))
+    x = (np.arange(n) + 0.5) * lx / n
+    middle = (surface.z.min() + surface.z.max()) / 2
+    levels, row = np.unique(np.round(q[:, 1] / np.abs(q).max() * 1e12), return_inverse=True)
+    levels = levels * np.abs(q).max() * 1e-12
+    targets = [np.flatnonzero(row == r) for r in range(len(levels))]
+    x_kernel = Kernel.of(tol, OVERSAMPLING_X)
+    for y_c in dict.fromkeys(w.centre[0] for w in windows):
+        group = [w for w in windows if w.centre[0] == y_c]
+        half = group[0].half[0]
+        rows = max(2, int(np.ceil(2 * half / spacing[0])))
+        y = (np.arange(rows) + 0.5) * 2 * half / rows - half
+        g = group[0].profile(y, half) * (2 * half / rows)
+        along = np.exp(-1j * np.outer(levels, y)) * g
+        z = ip.grid(y + y_c, x) - middle
+        band = Band.of(q[:, 2], float(np.abs(z).max()) * 1.001 + 1e-9, tol)
+        spectrum = _sum_over_y(z, along, band)
+        area_y = float(np.sum(g**2)) / (2 * half / rows)
+        S = np.zeros((len(group), len(q)), np.complex128)
+        areas = []
+        slices = [_columns(w, x, lx, surface.periodic) for w in group]
+        size = scipy.fft.next_fast_len(int(OVERSAMPLING_X * max(len(c) for c, _ in slices)) + 1)
+        for r, target in enumerate(targets):
+            spectra = []
+            for w, (column, t) in zip(group, slices):
+                gx = w.profile(t, w.half[1])
+                # positions in cells of the frequency grid; dividing out the kernel's transform
+                weight = gx * (lx / n) / x_kernel.transform(2 * np.pi * t / (lx / n) / size)
+                spectra.append(scipy.fft.fft(spectrum[r][:, column] * weight, size, axis=1, workers=-1))
+            S[:, target] = _interpolate(spectra, q[target], [t[0] for _, t in slices], lx / n, size, x_kernel, band)
+        for w, (_, t) in zip(group, slices):
+            areas.append(area_y * float(np.sum(w.profile(t, w.half[1]) ** 2)) * lx / n)
+        turn = np.exp(-1j * q[:, 2] * middle)
+        for s, area in zip(S, areas):
+            yield s * turn, area
+
+
+@dataclass(frozen=True)
+class Band:
+    """Uniform q_l = start + l·step, l < count, that cover the q_z asked for with the kernel's margin."""
+
+    start: float
+    step: float
+    count: int
+    kernel: Kernel
+
+    @staticmethod
+    def of(qz: Floats, reach: float, tol: float) -> Band:
+        """reach : largest |z| from the middle, µm"""
+        kernel = Kernel.of(tol, OVERSAMPLING_Z)
+        step = np.pi / (OVERSAMPLING_Z * reach)
+        margin = kernel.width // 2 + 1
+        start = float(qz.min()) - margin * step
+        return Band(start, step, int(np.ceil(np.ptp(qz) / step)) + 2 * margin + 1, kernel)
+
+
+def _sum_over_y(z: Floats, along: Complex, band: Band) -> Complex:
+    """(rows, count, x) Σ_y along(row, y) exp(−i q_l z) / ψ̂(z), z (y, x) from the middle."""
+    out = np.empty((len(along), band.count, z.shape[1]), np.complex128)
+    for a in range(0, z.shape[1], COLUMNS):
+        part = z[:, a : a + COLUMNS]
+        wave = np.exp(-1j * band.start * part) / _smooth_transform(band, part)
+        turn = np.exp(-1j * band.step * part)
+        for l in range(band.count):
+            out[:, l, a : a + COLUMNS] = along @ wave
+            wave *= turn
+    return out
+
+
+def _smooth_transform(band: Band, z: Floats) -> Floats:
+    """ψ̂ at z: even and smooth, so a table with cubic interpolation does for millions of points."""
+    from scipy.interpolate import CubicSpline
+
+    top = max(float(np.abs(z).max()), 1e-12) * 1.0001
+    t = np.linspace(0, top, 2048)
+    table = CubicSpline(t, band.kernel.transform(t * band.step), bc_type=((1, 0.0), "not-a-knot"))
+    return table(np.abs(z))
+
+
+def _columns(w: Window, x: Floats, length: float, periodic: bool) -> tuple[NDArray[np.int64], Floats]:
+    """Indices of the columns under a window, and their positions from its centre."""
+    h = length / len(x)
+    first = int(np.ceil((w.centre[1] - w.half[1]) / h - 0.5))
+    last = int(np.floor((w.centre[1] + w.half[1]) / h - 0.5))
+    if not periodic:
+        first, last = max(first, 0), min(last, len(x) - 1)
+    index = np.arange(first, last + 1)
+    return index % len(x), (index + 0.5) * h - w.centre[1]
+
+
+def _interpolate(
+    spectra: list[Complex], q: Floats, first_x: list[float], h: float, size: int, x_kernel: Kernel, band: Band
+) -> Complex:
+    """(windows, m) from the grids (q_l, q_u) of the windows of one row to its scattering vectors."""
+    u = q[:, 0] * h * size / (2 * np.pi)
+    at_u, weight_u = x_kernel.taps(u)
+    at_l, weight_l = band.kernel.taps((q[:, 2] - band.start) / band.step)
+    column = (at_u[:, None] + np.arange(x_kernel.width)) % size
+    line = at_l[:, None] + np.arange(band.kernel.width)
+    index = (line[:, :, None] * size + column[:, None, :]).reshape(len(q), -1)
+    weight = (weight_l[:, :, None] * weight_u[:, None, :]).ravel()
+    pointer = np.arange(len(q) + 1) * index.shape[1]
+    out = np.empty((len(spectra), len(q)), np.complex128)
+    # the FFT counts columns from the first of the window, the kernel was divided out about the centre:
+    # exp(−i q_u (x_0 + j h)) with the grid's own frequency in place of q_u under the kernel's sum
+    for i, (grid, x0) in enumerate(zip(spectra, first_x)):
+        shift = np.exp(-2j * np.pi * np.fft.fftfreq(size) * x0 / h)
+        values = grid * shift
+        matrix = sp.csr_array((weight, index.ravel(), pointer), shape=(len(q), values.size))
+        out[i] = (matrix @ values.ravel().view(np.float64).reshape(-1, 2)).view(np.complex128)[:, 0]
+    return out
