@@ -198,6 +198,25 @@ def test_a_flat_surface_can_be_drawn(surface_summary):
         assert svg(make(flat), "flat", "f").startswith("<svg")
 
 
+def test_dark_results_and_flat_spectra_can_be_drawn(ray_result, hemisphere_rays, surface_summary):
+    """Nothing to put on a logarithmic axis: no exception, and no made-up value."""
+    dark = ray_result * 0
+    assert figures.lobes({"rays": dark}).axes[0].get_yscale() == "linear"
+    assert svg(figures.spectra({"rays": dark}), "dark", "d").count("no light was caught here") == 2
+    assert svg(figures.decomposition(dark), "dark", "d").startswith("<svg")
+    assert svg(figures.polar_maps({"rays": hemisphere_rays * 0}), "dark", "d").startswith("<svg")
+    flat = surface_summary.assign(psd=surface_summary["psd"] * 0)
+    assert "a flat surface has none" in svg(figures.psd(flat), "flat", "f")
+
+
+def test_psd_of_a_grating_is_drawn_as_lines(surface_summary):
+    line = surface_summary.isel(frequency=slice(0, 5)).copy(deep=True)
+    line["psd"][[0, 1, 3, 4]] = 0.0
+    figure = figures.psd(line)
+    assert figure.axes[0].get_lines()[0].get_marker() == "o"
+    assert len(figure.axes[0].collections) == 1
+
+
 def test_in_plane_figures_refuse_a_hemisphere_and_the_other_way_round(ray_result, hemisphere_rays):
     for make in (figures.decomposition, lambda d: figures.lobes({"rays": d})):
         with pytest.raises(InputError, match="hemisphere"):

@@ -22,9 +22,9 @@ from .style import (
     colours,
     directions_marked,
     edges,
+    logarithmic,
     new_figure,
     panels,
-    powers_of_ten,
     some,
     styled,
 )
@@ -127,10 +127,9 @@ def lobes(results: Results, wavelength_nm: float | None = None, decades: float =
                 lobe(ax, here, colour[name], dots=name == "measured")
         directions_marked(ax, theta_i)
         ax.set_title(f"θᵢ = {angle(theta_i)}")
-    lowest = min(float(data["brdf"].where(data["brdf"] > 0).min()) for data in shown.values())
-    axes[0].set_yscale("log")
-    axes[0].set_ylim(max(lowest / 1.5, top * 10**-decades), top * 2)
-    powers_of_ten(axes[0].yaxis)
+    if top > 0:
+        lowest = np.nanmin([float(data["brdf"].where(data["brdf"] > 0).min()) for data in shown.values()])
+        logarithmic(axes[0], "y", max(lowest / 1.5, top * 10**-decades), top * 2)
     angle_axis(axes)
     figure.supxlabel("angle of reflection θₒ (°)", fontsize=9)
     figure.supylabel("BRDF (sr⁻¹)", fontsize=9)

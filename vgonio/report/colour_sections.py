@@ -66,6 +66,8 @@ def colour_section(content: Content, colour: Mapping[str, Mapping[str, xr.DataAr
     )
     made.draw(figures.rgb_maps(maps, titles), caption, width)
     maps = {name: rgb_map(data, chromatic=True).where(q.bright_spectra(data)) for name, data in plane.items()}
+    for rgb in maps.values():
+        rgb.attrs.pop("clipped", None)  # counted with the squares that are left out here
     caption = (
         "The same at equal luminance: what is left is the colour. Pale squares hold no value, or less than 10⁻³ of the "
         "largest BRDF at that θᵢ."
@@ -112,7 +114,8 @@ def spectra_section(content: Content, slopes: Mapping[str, xr.Dataset], comparis
         caption = (
             "Slope of the linear shift, f/f(600 nm) = (mλ + b)·(F/F(600 nm))ᵖ, fitted spectrum by spectrum with its "
             "standard error, and the global fit in cos(w·θₘ) (as thesis figure 4.8). Above zero the light turns "
-            "towards red. Pale: less than 10⁻³ of the largest BRDF at that θᵢ is left. The means below take only the others."
+            "towards red. Pale: less than 10⁻³ of the largest BRDF at that θᵢ is left. The means below take only the "
+            "others."
         )
         made.draw(figures.shift_slopes(slopes, content.titles()), caption)
         made.tables.append(mean_table(slopes, content.titles()))

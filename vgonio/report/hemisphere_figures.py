@@ -49,12 +49,15 @@ def polar_axes(ax: Axes, theta_i: float, phi_i: float) -> None:
     """Circles every 30°, the source (circle) and its mirror direction (cross); no frame."""
     ax.set_aspect("equal")
     ax.set_xlim(-97, 97)
-    ax.set_ylim(-97, 97)
+    ax.set_ylim(-102, 97)
     ax.set_axis_off()
     turn = np.linspace(0, 2 * np.pi, 181)
     for r in (30, 60, 90):
         ax.plot(r * np.cos(turn), r * np.sin(turn), color="white" if r < 90 else MUTED, lw=0.7, alpha=0.8)
-        ax.text(0, -r + 1, f"{r}°", fontsize=7, ha="center", va="bottom", color="white" if r < 90 else INK)
+        below = r == 90
+        ax.text(
+            0, -r, f"{r}°", fontsize=7, ha="center", va="top" if below else "bottom", color=INK if below else "white"
+        )
     source = theta_i * np.array([np.cos(np.deg2rad(phi_i)), np.sin(np.deg2rad(phi_i))])
     ax.plot(*source, "o", ms=6, mfc="none", mec="white", mew=2.6)
     ax.plot(*source, "o", ms=6, mfc="none", mec=INK, mew=1.2)
@@ -78,7 +81,7 @@ def polar_maps(
         if q.in_plane(data):
             raise InputError("polar_maps needs results on the hemisphere; these are in-plane: use lobes")
     shown = {n: q.near(d, wavelength_nm).sel(theta_i=theta_i, method="nearest") for n, d in results.items()}
-    top = max(float(d["brdf"].max()) for d in shown.values())
+    top = max(float(d["brdf"].max()) for d in shown.values()) or 1.0  # all dark: any scale will do
     norm = LogNorm(top * 10**-decades, top)
     figure = new_figure(3.2 * max(2, len(shown)) + 0.8, 3.6)
     axes = figure.subplots(1, max(2, len(shown)), squeeze=False)[0]

@@ -53,6 +53,8 @@ def surface_section(content: Content) -> Section:
         made.beside = tables.surface_parameters(surface)
     else:
         made.tables.append(tables.surface_parameters(surface))
+    if surface.attrs.get("Sq") == 0:
+        return made  # flat: nothing to distribute
     if "height_density" in surface:
         made.draw(figures.height_histogram(surface), "Distribution of the heights.", "third")
     if "slope_density" in surface:

@@ -144,10 +144,22 @@ def powers_of_ten(axis: Any) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axis.set_major_locator(LogLocator(numticks=6))
-    axis.set_major_formatter(
-        FuncFormatter(lambda v, _: "10" + str(round(np.log10(v))).translate(SUPERSCRIPT) if v > 0 else "")
-    )
+    axis.set_major_formatter(FuncFormatter(power_of_ten))
     axis.set_minor_formatter(NullFormatter())
+
+
+def logarithmic(ax: Axes, which: str, low: float, high: float) -> None:
+    """Make the x or y axis logarithmic over low … high; fewer than two decades are labelled at 1, 2 and 5 as well."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    getattr(ax, f"set_{which}scale")("log")
+    getattr(ax, f"set_{which}lim")(low, high)
+    axis = getattr(ax, f"{which}axis")
+    powers_of_ten(axis)
+    if high < 100 * low:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
 
 
 def angle_axis(axes: Sequence[Axes], low: float = -90, high: float = 90) -> None:

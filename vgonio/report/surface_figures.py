@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from .style import INK, MUTED, new_figure, powers_of_ten, styled
+from .style import INK, MUTED, logarithmic, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
+FEW_LINES = 8  # a spectrum of fewer frequencies is drawn as lines: a grating
 BLUE, ORANGE = "#0b4a8f", "#d55e00"
 
 
@@ -145,11 +146,15 @@ def psd(surface: xr.Dataset) -> Figure:
     data = surface["psd"]
     frequency, power = data["frequency"].values, data.values
     use = (frequency > 0) & (power > 0) & (power > np.nanmax(power) * 1e-14)
-    ax.plot(frequency[use], power[use], color=BLUE)
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    powers_of_ten(ax.xaxis)
-    powers_of_ten(ax.yaxis)
+    if use.any():
+        low, high = power[use].min() / 1.5, power[use].max() * 1.5
+        if use.sum() < FEW_LINES:
+            ax.vlines(frequency[use], min(low, high * 1e-3), power[use], color=BLUE)
+        ax.plot(frequency[use], power[use], "o" if use.sum() < FEW_LINES else "-", color=BLUE, ms=4)
+        logarithmic(ax, "x", frequency[use].min() / 1.1, frequency[use].max() * 1.1)
+        logarithmic(ax, "y", min(low, high * 1e-3), high)
+    else:
+        ax.text(0.5, 0.5, "a flat surface has none", transform=ax.transAxes, ha="center", color=MUTED)
     ax.set_xlabel("spatial frequency (µm⁻¹)")
     ax.set_ylabel(f"PSD ({data.attrs.get('units', 'um4').replace('um', 'µm').translate(str.maketrans('234', '²³⁴'))})")
     return figure

@@ -143,7 +143,7 @@ def surface_parameters(surface: xr.Dataset) -> Table:
     rows = [
         ("α" if name == "alpha" else name, what, f"{number(a[name], 4)} {unit}".strip())
         for name, (what, unit) in PARAMETERS.items()
-        if name in a
+        if name in a and np.isfinite(a[name])
     ]
     for name, what in (("points", "samples"), ("pitch", "pitch"), ("size", "size"), ("missing", "missing points")):
         if name in a:
