@@ -15,7 +15,7 @@ from ..compare.metrics import align, nrmse
 from ..errors import InputError
 from . import quantities as q
 from .content import Content
-from .shifts import in_words, mean_shift, signed
+from .shifts import SIGNIFICANT, in_words, mean_shift, signed
 from .style import angle
 from .tables import first, number, percent
 
@@ -279,9 +279,10 @@ def shift(made: Verdict, results: Mapping[str, xr.Dataset], name: str, slopes: x
     )
     if name == "waves" or (name == "measured" and "waves" not in results):
         value = " → ".join("?" if m is None else signed(m.slope) for m in (mirror, back)) + " %"
-        made.cards.append(
-            Card(f"Colour shift of {words}", value, "per 100 nm, from mirror direction to back-scattering")
-        )
+        note = "per 100 nm, from mirror direction to back-scattering"
+        if not any(m is not None and abs(m.slope) >= SIGNIFICANT * m.stderr for m in (mirror, back)):
+            value, note = "not significant", f"{value} {note}"
+        made.cards.append(Card(f"Colour shift of {words}", value, note))
 
 
 # ---- what limits it
