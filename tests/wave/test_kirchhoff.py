@@ -107,7 +107,7 @@ def test_geometric_limit_of_the_total_power():
 def test_reciprocity(theory):
     """f(i, o) = f(o, i) at points, exactly: S depends on ω_i + ω_o alone, and C and R are symmetric."""
     surface = gaussian(0.3, 3.0, side=60)
-    gonio = vg.measure.Gonioreflectometer([20, 50], [20, 50], aperture_deg=0.01, coherence_um=10)
+    gonio = vg.measure.Gonioreflectometer([20, 50], [20, 50, -20], aperture_deg=0.01, coherence_um=10)
     f = gonio.measure(surface, Kirchhoff("Al", [500], theory=theory, tol=1e-4)).brdf[:, :, 0].values
     assert abs(f[0, 1] / f[1, 0] - 1) < 1e-3
 

@@ -98,10 +98,10 @@ class Kirchhoff:
         rule = choose_rule(surface, incoming.coherence_um is not None, False, self.tol)
         method = "nufft" if self.method == "auto" else self.method
         azimuth = float(np.deg2rad(incoming.phi_deg)) if detector.kind == "in-plane" else None
-        spacing, error, points = self._refine(surface, plan, job, rule, method, azimuth)
+        spacing, eps, error, points = self._refine(surface, plan, job, rule, method, azimuth)
 
         total, square, single = np.zeros(job.shape), np.zeros(job.shape), np.zeros(job.shape)
-        sums = self._sums(surface, plan, job, spacing, rule, method, azimuth)
+        sums = self._sums(surface, plan, job, spacing, eps, rule, method, azimuth)
         for n, (S, area) in enumerate(sums):
             intensity = job.factor * np.abs(S) ** 2 / area
             f = job.gather(job.weight * intensity)
@@ -174,6 +174,7 @@ class Kirchhoff:
         plan: WindowPlan,
         job: Job,
         spacing: tuple[float, float],
+        eps: float,
         rule: str,
         method: str,
         azimuth: float | None,
@@ -181,36 +182,37 @@ class Kirchhoff:
         """S and A_w of every window: together where all windows and rows can share the work, one by one otherwise."""
         shared = method == "nufft" and rule == "uniform" and azimuth is not None and np.sin(azimuth) == 0
         if shared and not surface.is_profile and len(np.unique(np.round(job.q[:, 1], 9))) >= windowed.MIN_ROWS:
-            yield from windowed.sums(surface, plan.gaussian, spacing, job.q, self.tol / 30)
+            yield from windowed.sums(surface, plan.gaussian, spacing, job.q, eps)
             return
         for window in plan.windows:
             grid, area = plan.points(surface, window, spacing, rule)
-            yield apply(method, grid, job.q, self.tol / 30, azimuth), area
+            yield apply(method, grid, job.q, eps, azimuth), area
 
     # ---- how finely
     def _refine(
         self, surface: Heightfield, plan: WindowPlan, job: Job, rule: str, method: str, azimuth: float | None
-    ) -> tuple[tuple[float, float], float, int]:
-        """Spacing of the points, from the fastest phases and then from trial: the error in the central window."""
+    ) -> tuple[tuple[float, float], float, float, int]:
+        """Spacing of the points and tolerance of the transform, from the fastest phases and then from trial: the
+        error of brdf in the central window. (Where all directions are weak, the transform has to be tighter.)"""
         per_cycle = {"uniform": 1.0, "gauss": 2.2, "cells": 1.0}[rule] + 0.15 * -np.log10(self.tol)
         spacing = 2 * np.pi / np.maximum(rates(surface, job.q), 1e-9) / per_cycle
         window = plan.windows[len(plan.windows) // 2]
         some = _checked(job)
-        error, size = 0.0, 0
+        eps, error, size = self.tol / 30, 0.0, 0
         for _ in range(6):
             grid, area = plan.points(surface, window, tuple(spacing), rule)
             size = grid.size
             fine, fine_area = plan.points(surface, window, tuple(spacing / 1.5), rule)
             q, other = job.q[some], check_method(method, fine, job.q[some], self.tol)
-            f = job.factor[some] * np.abs(apply(method, grid, q, self.tol / 30, azimuth)) ** 2 / area
-            g = job.factor[some] * np.abs(apply(other, fine, q, self.tol / 100, azimuth)) ** 2 / fine_area
+            f = job.factor[some] * np.abs(apply(method, grid, q, eps, azimuth)) ** 2 / area
+            g = job.factor[some] * np.abs(apply(other, fine, q, eps / 5, azimuth)) ** 2 / fine_area
             error = _relative_to_peak(job.target[some], job.shape, f, g)
             if error <= 0.8 * self.tol or rule == "cells":
                 break
-            spacing = spacing / 1.3
+            spacing, eps = spacing / 1.3, eps / 10
         if error > self.tol:
             warnings.warn(f"waves: error {error:.1e} instead of {self.tol:.1e}", VgonioWarning, stacklevel=4)
-        return (float(spacing[0]), float(spacing[1])), float(error), size
+        return (float(spacing[0]), float(spacing[1])), eps, float(error), size
 
     def _dataset(self, brdf: Floats, stderr: Floats, incoming: Incoming, detector: Detector) -> xr.Dataset:
         over = ("theta_i", *detector.dims, "wavelength")

@@ -14,13 +14,16 @@ Magland and af Klinteberg (2019). The product costs no more for many windows alo
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.fft
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from ..surface.heightfield import Heightfield
 from .coherence import Window
@@ -130,13 +133,18 @@ class Band:
 def _sum_over_y(z: Floats, along: Complex, band: Band) -> Complex:
     """(rows, count, x) Σ_y along(row, y) exp(−i q_l z) / ψ̂(z), z (y, x) from the middle."""
     out = np.empty((len(along), band.count, z.shape[1]), np.complex128)
-    for a in range(0, z.shape[1], COLUMNS):
+
+    def block(a: int) -> None:
         part = z[:, a : a + COLUMNS]
         wave = np.exp(-1j * band.start * part) / _smooth_transform(band, part)
         turn = np.exp(-1j * band.step * part)
         for l in range(band.count):
             out[:, l, a : a + COLUMNS] = along @ wave
             wave *= turn
+
+    # blocks side by side: the threads of BLAS wait for each other in products as small as these (3 to 40 times slower)
+    with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(block, range(0, z.shape[1], COLUMNS)))
     return out
 
 
