@@ -78,7 +78,7 @@ def brdf_dataset(
     coords: Mapping[str, Any] | None = None,
     attrs: Mapping[str, Any] | None = None,
 ) -> xr.Dataset:
-    """A labelled result. `variables` maps a name to (dims, array), as xarray takes it; attrs are strings and numbers."""
+    """A labelled result. `variables` maps a name to (dims, array) as in xarray; attrs become strings and numbers."""
     data = xr.Dataset(
         {k: (dims, np.asarray(v)) for k, (dims, v) in variables.items()},
         coords={
@@ -121,7 +121,7 @@ def check(data: xr.Dataset, what: str = "result") -> xr.Dataset:
     """Raise FileFormatError unless `data` looks like one of our results."""
     if "brdf" not in data or not {"theta_i", "wavelength"} <= set(data["brdf"].dims):
         raise FileFormatError(
-            f"{what} holds no BRDF of vgonio: a variable 'brdf' over theta_i, theta_o (or cell) and wavelength is needed, "
-            f"found {sorted(map(str, data.variables)) or 'nothing'}"
+            f"{what} holds no BRDF of vgonio: a variable 'brdf' over theta_i, theta_o (or cell) and wavelength is "
+            f"needed, found {sorted(map(str, data.variables)) or 'nothing'}"
         )
     return data

@@ -9,9 +9,9 @@ import pytest
 import xarray as xr
 
 from vgonio import models
+from vgonio.dataset import label
 from vgonio.errors import FileFormatError, InputError
 from vgonio.measure import readers
-from vgonio.measure.dataset import label
 
 HEAD = {"wavelengths": [450.0, 550.0, 650.0]}
 

@@ -36,7 +36,7 @@ def test_walls_face_the_lower_side(axis):
 
 
 def test_refinement_approaches_the_interpolant():
-    """Sagitta of a chord falls with the square of its length: the mesh's largest error goes down by 4 at each halving."""
+    """Sagitta of a chord falls with the square of its length: the largest error goes down by 4 at each halving."""
     x = (np.arange(32) + 0.5) / 32
     surface = Heightfield(np.sin(2 * np.pi * x)[None].repeat(4, 0), 1 / 32, periodic=True)
     errors = []

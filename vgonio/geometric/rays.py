@@ -233,7 +233,8 @@ class Scene:
         area = self.start_area(incoming, i)
         if area is None:
             raise InputError(
-                f"θ_i = {incoming.theta_deg[i]:g}°: the sample is too small for a guard band, use edges = 'auto' or 'mirror'"
+                f"θ_i = {incoming.theta_deg[i]:g}°: the sample is too small for a guard band, "
+                "use edges = 'auto' or 'mirror'"
             )
         position = np.empty((n, 3))
         position[:, :2] = stratified(area, n, rng)

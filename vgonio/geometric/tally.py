@@ -18,7 +18,7 @@ STOKES_Q = {"unpolarised": 0.0, "s": 1.0, "p": -1.0}
 
 @dataclass
 class Tally:
-    """Sums over rays of unit power. bounce = 0 … kept − 1 stands for 1 … kept reflections, the last gathers the rest."""
+    """Sums over rays of unit power. bounce = 0 … kept − 1 stands for 1 … kept reflections, the last for all higher."""
 
     rays: int
     caught: Floats  # (bounce, element, w) power in each detector element

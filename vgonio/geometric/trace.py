@@ -112,7 +112,7 @@ def _next_frame(direction: Floats, normal: Floats, s: Floats) -> tuple[Floats, F
 def next_facet(
     mesh: Mesh, tracer: Embree, position: Floats, direction: Floats
 ) -> tuple[Ints, Floats, NDArray[np.bool_]]:
-    """First facet (−1: none), the point on it, and whether the ray escaped upward, across as many periods as it takes."""
+    """First facet (−1: none), the point on it, and whether the ray escaped upward, over as many periods as it takes."""
     n = len(position)
     facet = np.full(n, -1, np.int64)
     escaped = np.zeros(n, bool)

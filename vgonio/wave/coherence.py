@@ -121,7 +121,8 @@ class WindowPlan:
         }
         if min(windows[0].half) < REACH * length * (1 - 1e-9):
             attrs["window_note"] = (
-                f"the sample is smaller than the window of ±{REACH * length:g} µm: it ends at ±{min(windows[0].half):g} µm"
+                f"the sample is smaller than the window of ±{REACH * length:g} µm: "
+                f"it ends at ±{min(windows[0].half):g} µm"
             )
         return WindowPlan(list(windows), n, 1.0 / length, attrs)
 

@@ -33,10 +33,10 @@ def cone_nodes(detector: Detector, k: Floats, step: float, across: float = 0.0) 
     """In-plane cones crossed by rows of common q_v = n·step (rad/µm), nodes no wider apart than `step` along them.
 
     A cone around θ_o of half-angle a is an ellipse in direction cosines: centre sin θ_o cos a, half-axes cos θ_o sin a
-    in the plane and sin a across it.  across : component of ω_i across the plane (a divergent source), q_v = k (across + s_v)
+    in the plane and sin a across it.  across : component of ω_i across the plane, of a divergent source: q_v = k (across + s_v)
     """
     theta, a = np.deg2rad(detector.theta_deg), detector.half_angle
-    parts: list[tuple[Floats, ...]] = []
+    parts: list[tuple[NDArray, ...]] = []
     ends = k[:, None] * (across + np.array([-1, 1]) * np.sin(a)) / step
     for n in range(int(np.floor(ends.min() + 0.5)), int(np.ceil(ends.max() - 0.5)) + 1):
         strip = ((n + np.array([-0.5, 0.5])) * step / k[:, None] - across) / np.sin(a)  # (w, 2) of the half-axis

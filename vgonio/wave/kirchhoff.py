@@ -1,4 +1,4 @@
-"""The wave solver: coherence windows over the sample, S(q) of each, the mean of f over windows and detector elements."""
+"""The wave solver: coherence windows over the sample, S(q) of each, the mean over windows and detector elements."""
 
 from __future__ import annotations
 
@@ -45,7 +45,8 @@ class Job:
     shape: tuple[int, int, int]
 
     def gather(self, values: Floats) -> Floats:
-        return np.bincount(self.target, values, int(np.prod(self.shape))).reshape(self.shape)
+        summed = np.bincount(self.target, values, int(np.prod(self.shape)))
+        return np.asarray(summed, np.float64).reshape(self.shape)
 
 
 @dataclass(frozen=True)
@@ -115,8 +116,8 @@ class Kirchhoff:
         data = self._dataset(brdf, stderr, incoming, detector)
         data.attrs |= plan.attrs | {
             "error_achieved": error,
-            "error_estimate": "largest change of brdf on a grid 1.5 times finer, relative to its maximum over the detector,"
-            " in the central window for some angles and wavelengths; the finer grid by a direct sum where that is quick",
+            "error_estimate": "largest change of brdf on a grid 1.5 times finer, relative to its maximum over the "
+            "detector, in the central window for some angles and wavelengths; the finer one by a direct sum if quick",
             "stderr_estimate": estimate,
             "spacing_um": float(min(spacing)),
             "points_per_window": points,

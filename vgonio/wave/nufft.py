@@ -85,7 +85,7 @@ def _rows(points: Points, q: Floats, level: Floats, row: NDArray[np.int64], azim
 
 
 def grid_bytes(points: Points, q: Floats, tol: float) -> float:
-    """Memory of the oversampled grid of a three-dimensional type-3 transform, from the extents of points and targets."""
+    """Memory of the oversampled grid of a type-3 transform in space, from the extents of points and targets."""
     width = max(4, int(np.ceil(-np.log10(max(tol, EPS_FLOOR)))) + 2)
     extent = np.array([np.ptp(points.x), np.ptp(points.y), np.ptp(points.z)]) / 2
     band = np.ptp(q, axis=0) / 2
@@ -110,7 +110,7 @@ def seconds(points: Points, q: Floats, tol: float) -> float:
 
 
 def _tiles(points: Points, q: Floats, tol: float) -> Complex:
-    """Three-dimensional transforms; a set of targets whose grid would be too large is halved across its longest side."""
+    """Transforms in space; a set of targets whose grid would be too large is halved across its longest side."""
     used = np.flatnonzero(points.weight.ravel())
     x, y = (a.ravel()[used] for a in np.broadcast_arrays(points.x[None, :], points.y[:, None]))
     z, strength = points.z.ravel()[used], points.weight.ravel()[used].astype(np.complex128)

@@ -85,7 +85,7 @@ def split(a: Floats) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 
 
 def transform(points: Points, q: Floats, tol: float = PRECISION, on: Device | None = None) -> Complex:
-    """(m,) sums of `points` at q (m, 3). The phase keeps its fraction of a cycle up to 10⁵ rad; precision about 1e-5."""
+    """(m,) sums of `points` at q (m, 3). Phases keep their fraction of a cycle up to 10⁵ rad; precision about 1e-5."""
     import pyopencl as cl
 
     d = on or device()

@@ -75,7 +75,8 @@ def axis_rule(axis: Axis, lo: float, hi: float, spacing: float, rule: str) -> tu
         return lo + (np.arange(n) + 0.5) * (hi - lo) / n, np.full(n, (hi - lo) / n)
     if rule == "cells":
         first, last = int(np.floor(lo / axis.h + 1e-9)), int(np.ceil(hi / axis.h - 1e-9))
-        return (np.arange(first, last) + 0.5) * axis.h, np.full(last - first, axis.h)
+        cells = np.arange(first, last, dtype=np.float64)
+        return (cells + 0.5) * axis.h, np.full(cells.shape, axis.h)
     knots = axis.knots()
     if axis.periodic and (lo < 0 or hi > axis.n * axis.h):
         length = axis.n * axis.h

@@ -87,7 +87,7 @@ def sums(
         rows = max(2, int(np.ceil(2 * half / spacing[0])))
         y = (np.arange(rows) + 0.5) * 2 * half / rows - half
         g = group[0].profile(y, half) * (2 * half / rows)
-        along = np.exp(-1j * np.outer(levels, y)) * g
+        along = (np.exp(-1j * np.outer(levels, y)) * g).astype(np.complex128)
         z = ip.grid(y + y_c, x) - middle
         band = Band.of(q[:, 2], float(np.abs(z).max()) * 1.001 + 1e-9, tol)
         spectrum = _sum_over_y(z, along, band)
@@ -166,7 +166,7 @@ def _columns(w: Window, x: Floats, length: float, periodic: bool) -> tuple[NDArr
     if not periodic:
         first, last = max(first, 0), min(last, len(x) - 1)
     index = np.arange(first, last + 1)
-    return index % len(x), (index + 0.5) * h - w.centre[1]
+    return np.asarray(index % len(x), np.int64), np.asarray((index + 0.5) * h - w.centre[1], np.float64)
 
 
 def _interpolate(

@@ -1,4 +1,4 @@
-"""Measured BRDFs from files, one format a file, behind one table; all become the dataset of `measure.dataset`.
+"""Measured BRDFs from files, one format a file, behind one table; all become the dataset of `vgonio.dataset`.
 
 >>> data = read("sample.json")
 >>> write(data, "copy.json")
