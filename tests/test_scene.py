@@ -269,3 +269,11 @@ def test_generators_named_in_scenes_exist():
     import vgonio as vg
 
     assert [k for k in scenes.GENERATORS if not callable(getattr(vg.surface, k, None))] == []
+
+
+def test_theories_and_methods_are_those_of_the_wave_solver():
+    from vgonio.scene.tables import METHODS, THEORIES
+    from vgonio.wave import fourier, theories
+
+    assert set(THEORIES) == set(theories.THEORIES)
+    assert set(METHODS) == set(fourier.METHODS)

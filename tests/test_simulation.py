@@ -180,3 +180,11 @@ def test_bad_input_is_found_before_any_work(stand_ins, changes, error):
 def test_a_result_without_a_brdf_has_nothing_to_show():
     with pytest.raises(InputError, match="no group with a BRDF"):
         simulated(xr.DataTree())
+
+
+@pytest.mark.parametrize(("asked", "threads"), [("3", 3), ("", None)])
+def test_the_ray_tracer_takes_the_threads_of_the_command_line(monkeypatch, asked, threads):
+    from vgonio.scene import load_scene
+
+    monkeypatch.setenv("OMP_NUM_THREADS", asked)
+    assert assembly.rays(load_scene(scene())).threads == threads

@@ -6,6 +6,7 @@ loads the ray tracer.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -119,9 +120,16 @@ def rays(scene: Scene, progress: Progress | None = None) -> Any:
         seed=asked.seed,
         tol=asked.tol,
         tracer=asked.tracer,
+        threads=_threads(),
         progress=progress,
         **given,
     )
+
+
+def _threads() -> int | None:
+    """What --threads set for the numerical libraries holds for the ray tracer's threads as well."""
+    asked = os.environ.get("OMP_NUM_THREADS", "")
+    return int(asked) if asked.isdigit() and int(asked) > 0 else None
 
 
 def waves(scene: Scene, theory: str, progress: Progress | None = None) -> Any:

@@ -234,14 +234,10 @@ def detector_elements(scene: Scene) -> int:
 
 def refinement(surface: Heightfield, wavelength_nm: list[float]) -> int:
     """Points per sample and axis for at most half a cycle of phase between points on the steepest RMS slope."""
+    from .surface.plausible import rms_step_slope
+
     k = 2 * np.pi / (min(wavelength_nm) * 1e-3)
-    return max(1, int(np.ceil(2 * k * max(surface.pitch_um) * (1 + rms_slope(surface)) / np.pi)))
-
-
-def rms_slope(surface: Heightfield) -> float:
-    """One-axis RMS slope from differences of neighbours, the larger of both axes."""
-    slopes = [np.diff(surface.z, axis=a) / p for a, p in enumerate(surface.pitch_um) if surface.shape[a] > 1]
-    return max((float(np.sqrt(np.mean(s**2))) for s in slopes), default=0.0)
+    return max(1, int(np.ceil(2 * k * max(surface.pitch_um) * (1 + rms_step_slope(surface)) / np.pi)))
 
 
 # ---- checks and warnings
