@@ -33,7 +33,9 @@ def cone_nodes(detector: Detector, k: Floats, step: float, across: float = 0.0) 
     """In-plane cones crossed by rows of common q_v = n·step (rad/µm), nodes no wider apart than `step` along them.
 
     A cone around θ_o of half-angle a is an ellipse in direction cosines: centre sin θ_o cos a, half-axes cos θ_o sin a
-    in the plane and sin a across it.  across : component of ω_i across the plane, of a divergent source: q_v = k (across + s_v)
+    in the plane and sin a across it.
+
+    across : component of ω_i across the plane, where the source diverges: q_v = k (across + s_v)
     """
     theta, a = np.deg2rad(detector.theta_deg), detector.half_angle
     parts: list[tuple[NDArray, ...]] = []
