@@ -62,6 +62,7 @@ class Paths:
     bounces: Ints  # (n,) number of reflections
     escaped: NDArray[np.bool_]  # (n,) left upward; the others were lost
     direction: Floats  # (n, 3) last direction of travel
+    s_axis: Floats  # (n, 3) s axis of the frame that the light has after its last reflection (p = d × s)
     hits: list[Hits] = field(default_factory=list)
 
 
@@ -72,7 +73,7 @@ def trace(mesh: Mesh, tracer: Embree, position: Floats, direction: Floats, s_axi
     s_axis : (n, 3) unit vectors across the direction, the s axis of the incident light
     """
     n = len(position)
-    paths = Paths(np.zeros(n, np.int64), np.zeros(n, bool), direction.copy())
+    paths = Paths(np.zeros(n, np.int64), np.zeros(n, bool), direction.copy(), s_axis.copy())
     ray = np.arange(n)
     position, direction, s = position.copy(), direction.copy(), s_axis.copy()
     # off the facet by a few units in the last place of the largest single-precision coordinate
@@ -95,6 +96,7 @@ def trace(mesh: Mesh, tracer: Embree, position: Floats, direction: Floats, s_axi
         paths.hits.append(Hits(ray, np.clip(cos_i, 0.0, 1.0), c2, s2))
         paths.bounces[ray] += 1
         paths.direction[ray] = direction
+        paths.s_axis[ray] = s
     return paths
 
 
