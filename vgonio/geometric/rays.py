@@ -146,24 +146,19 @@ class RayOptics:
         n = np.array([t.rays for t in tallies], float)
         share = 1.0 / (n[:, None, None, None] * detector.projected_solid_angle[:, None])
         f = np.stack([t.caught for t in tallies]) * share
-        mean = np.stack([t.caught for t in tallies]) / n[:, None, None, None]
-        square = np.stack([t.caught_squared for t in tallies]) / n[:, None, None, None]
+        variance = np.stack([t.caught_variance for t in tallies])
 
-        def stderr(mean: Floats, square: Floats) -> Floats:
-            # of independent rays; the stratified starts make it an upper bound
-            count = n.reshape(-1, *[1] * (mean.ndim - 1))
-            return (
-                np.sqrt(np.maximum(square - mean**2, 0) / np.maximum(count - 1, 1))
-                / (detector.projected_solid_angle[:, None])
-            )
+        def stderr(variance: Floats) -> Floats:
+            count = n.reshape(-1, *[1] * (variance.ndim - 1))
+            return np.sqrt(variance) / (count * detector.projected_solid_angle[:, None])
 
         over = ("theta_i", *detector.dims, "wavelength")
         return brdf_dataset(
             {
                 "brdf": (over, f.sum(axis=1)),
-                "brdf_stderr": (over, stderr(mean.sum(axis=1), square.sum(axis=1))),
+                "brdf_stderr": (over, stderr(variance.sum(axis=1))),
                 "brdf_by_bounce": (("bounce", *over), np.moveaxis(f, 1, 0)),
-                "brdf_by_bounce_stderr": (("bounce", *over), np.moveaxis(stderr(mean, square), 1, 0)),
+                "brdf_by_bounce_stderr": (("bounce", *over), np.moveaxis(stderr(variance), 1, 0)),
                 "energy_by_bounce": (
                     ("theta_i", "bounce", "wavelength"),
                     np.stack([t.upward / t.rays for t in tallies]),
@@ -274,12 +269,11 @@ def beam(incoming: Incoming, i: int, n: int, rng: np.random.Generator) -> tuple[
 
 def relative_error(t: Tally) -> float:
     """Largest relative standard error of the caught power where it exceeds 10⁻³ of its largest value."""
-    power, square = t.caught.sum(axis=0), t.caught_squared.sum(axis=0)
+    power, variance = t.caught.sum(axis=0), t.caught_variance.sum(axis=0)
     counts = (power > 0) & (power >= 1e-3 * power.max(axis=0, keepdims=True))
     if not counts.any():
         return float("inf")
-    mean = power / t.rays
-    return float(np.max(np.sqrt(np.maximum(square / t.rays - mean**2, 0) / t.rays)[counts] / mean[counts]))
+    return float(np.max(np.sqrt(variance[counts]) / power[counts]))
 
 
 def _groups(rays: int, workers: int, rng: np.random.Generator) -> Iterator[list[tuple[int, np.random.Generator]]]:

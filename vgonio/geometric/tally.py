@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..directions import Detector
 from .fresnel_table import FresnelTable
+from .mueller import mirror, path_matrices, slices, turn
 from .trace import Paths
 
 Floats = NDArray[np.float64]
@@ -22,31 +23,41 @@ class Tally:
 
     rays: int
     caught: Floats  # (bounce, element, w) power in each detector element
-    caught_squared: Floats  # (bounce, element, w) Σ power² per ray
+    caught_variance: Floats  # (bounce, element, w) variance of `caught`, estimated
     upward: Floats  # (bounce, w) power that left upward
     absorbed: Floats  # (w,)
     lost: Floats  # (w,)
+    mueller: Floats  # (element, stokes_out, stokes_in, w) of all paths together; no elements unless asked for
+    mueller_squared: Floats  # the same, Σ of squares per ray
 
     @staticmethod
-    def empty(kept: int, elements: int, wavelengths: int) -> Tally:
+    def empty(kept: int, elements: int, wavelengths: int, polarised: bool = False) -> Tally:
         cube = (kept, elements, wavelengths)
         one = np.zeros(wavelengths)
-        return Tally(0, np.zeros(cube), np.zeros(cube), np.zeros((kept, wavelengths)), one, one.copy())
+        matrix = np.zeros((elements if polarised else 0, 4, 4, wavelengths))
+        return Tally(
+            0, np.zeros(cube), np.zeros(cube), np.zeros((kept, wavelengths)), one, one.copy(), matrix, matrix.copy()
+        )
 
     def __iadd__(self, other: Tally) -> Tally:
         self.rays += other.rays
-        for name in ("caught", "caught_squared", "upward", "absorbed", "lost"):
+        for name in ("caught", "caught_variance", "upward", "absorbed", "lost"):
             getattr(self, name).__iadd__(getattr(other, name))
         return self
 
 
 def tally(paths: Paths, table: FresnelTable, detector: Detector, polarisation: str, kept: int) -> Tally:
-    """Power of every path at every wavelength, sorted by fate and number of reflections."""
+    """Power of every path at every wavelength, sorted by fate and number of reflections.
+
+    A path counts `paths.weight` times. The variance of what is caught is that of independent rays, or
+    Σ variance · power² where `paths.variance` says by how much the weights vary.
+    """
     wavelengths = table.table.shape[2]
     out = Tally.empty(kept, len(detector), wavelengths)
-    out.rays = len(paths.bounces)
+    weight = np.ones(len(paths.bounces)) if paths.weight is None else paths.weight
+    out.rays = round(float(weight.sum()))
     stray = ~paths.escaped & (paths.bounces == 0)
-    out.lost += np.count_nonzero(stray)
+    out.lost += weight[stray].sum()
     if not paths.hits:
         return out
     ray, element = detector.catch(paths.direction)
@@ -58,24 +69,31 @@ def tally(paths: Paths, table: FresnelTable, detector: Detector, polarisation: s
     q = STOKES_Q[polarisation] * first.cos_2psi
     single = paths.bounces[first.ray] == 1
     ends, lost_ends = single & paths.escaped[first.ray], single & ~paths.escaped[first.ray]
-    polarised = polarisation != "unpolarised"
+    source_is_polarised = polarisation != "unpolarised"
+
+    times = weight[first.ray]
 
     def reflected(mask: NDArray[np.bool_]) -> Floats:
-        power = table.summed(first.cos_i[mask], None, 0)
-        return power + table.summed(first.cos_i[mask], q[mask], 1) if polarised else power
+        power = table.summed(first.cos_i[mask], times[mask], 0)
+        return power + table.summed(first.cos_i[mask], times[mask] * q[mask], 1) if source_is_polarised else power
 
     out.upward[0] += reflected(ends)
     out.lost += reflected(lost_ends)
-    out.absorbed += len(first.ray) - reflected(np.ones(len(first.ray), bool))
+    out.absorbed += times.sum() - reflected(np.ones(len(first.ray), bool))
     place = np.full(len(paths.bounces), -1, np.int64)
     place[first.ray] = np.arange(len(first.ray))
     once = paths.bounces[ray] == 1
     at = place[ray[once]]
     m = table.elements(first.cos_i[at], 2)
-    _catch(out, 0, element[once], m[:, 0] + q[at, None] * m[:, 1])
+    variance = weight if paths.variance is None else paths.variance
+    _catch(out, 0, element[once], m[:, 0] + q[at, None] * m[:, 1], weight[ray[once]], variance[ray[once]])
 
     if len(paths.hits) > 1:
         _tally_multiple(out, paths, table, polarisation, kept, ray[~once], element[~once])
+    if paths.variance is None and out.rays > 1:
+        # of independent rays: Σx² − (Σx)²/n
+        spread = np.maximum(out.caught_variance - out.caught**2 / out.rays, 0)
+        out.caught_variance = spread * (out.rays / (out.rays - 1))
     return out
 
 
@@ -83,6 +101,8 @@ def _tally_multiple(
     out: Tally, paths: Paths, table: FresnelTable, polarisation: str, kept: int, ray: NDArray, element: NDArray
 ) -> None:
     """Paths of two and more reflections: the Stokes vector goes from hit to hit, per ray and wavelength."""
+    weight = np.ones(len(paths.bounces)) if paths.weight is None else paths.weight
+    variance = weight if paths.variance is None else paths.variance
     row = np.full(len(paths.bounces), -1, np.int64)
     members = paths.hits[1].ray
     row[members] = np.arange(len(members))
@@ -97,34 +117,31 @@ def _tally_multiple(
     for hits in paths.hits[1:]:
         at = row[hits.ray]
         before = stokes[at]
-        after = _reflect(before, table.elements(hits.cos_i), hits.cos_2psi, hits.sin_2psi)
-        out.absorbed += (before[:, 0] - after[:, 0]).sum(axis=0)
+        after = mirror(turn(before, hits.cos_2psi, hits.sin_2psi), table.elements(hits.cos_i))
+        out.absorbed += weight[hits.ray] @ (before[:, 0] - after[:, 0])
         stokes[at] = after
     power = stokes[:, 0]
     count = np.minimum(paths.bounces[members], kept) - 1
     gone = paths.escaped[members]
     for b in range(min(1, kept - 1), kept):
-        out.upward[b] += power[gone & (count == b)].sum(axis=0)
-    out.lost += power[~gone].sum(axis=0)
+        use = gone & (count == b)
+        out.upward[b] += weight[members[use]] @ power[use]
+    out.lost += weight[members[~gone]] @ power[~gone]
     bounce = np.minimum(paths.bounces[ray], kept) - 1
     for b in np.unique(bounce):
-        _catch(out, int(b), element[bounce == b], power[row[ray[bounce == b]]])
+        use = ray[bounce == b]
+        _catch(out, int(b), element[bounce == b], power[row[use]], weight[use], variance[use])
 
 
-def _reflect(stokes: Floats, m: Floats, cos_2psi: Floats, sin_2psi: Floats) -> Floats:
-    """Turn the frame by ψ, then reflect: stokes (n, 4, w), m (n, 4, w) the elements a, b, c, d of the facets."""
-    i, q0, u0, v = (stokes[:, j] for j in range(4))
-    c, s = cos_2psi[:, None], sin_2psi[:, None]
-    q, u = c * q0 + s * u0, c * u0 - s * q0
-    a, b, e, f = (m[:, j] for j in range(4))
-    return np.stack([a * i + b * q, b * i + a * q, e * u + f * v, e * v - f * u], axis=1)
-
-
-def _catch(out: Tally, bounce: int, element: NDArray, power: Floats) -> None:
-    """Add power (n, w) of rays that fell into `element` (n,)."""
+def _catch(out: Tally, bounce: int, element: NDArray, power: Floats, weight: Floats, variance: Floats) -> None:
+    """Add power (n, w) of paths that fell into `element` (n,), each `weight` (n,) times, Σ variance · power² beside."""
     if len(element) == 0:
         return
-    shape = (out.caught.shape[1], len(element))
-    gather = sp.csr_array((np.ones(len(element)), (element, np.arange(len(element)))), shape=shape)
-    out.caught[bounce] += gather @ power
-    out.caught_squared[bounce] += gather @ power**2
+    shape, pointer = (out.caught.shape[1], len(element)), np.arange(len(element))
+    out.caught[bounce] += sp.csr_array((weight, (element, pointer)), shape=shape) @ power
+    out.caught_variance[bounce] += sp.csr_array((variance, (element, pointer)), shape=shape) @ power**2
+
+
+def _gathering(element: NDArray, elements: int) -> sp.csr_array:
+    """(elements, n) matrix that adds up what belongs to the same element."""
+    return sp.csr_array((np.ones(len(element)), (element, np.arange(len(element)))), shape=(elements, len(element)))

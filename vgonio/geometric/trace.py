@@ -6,7 +6,9 @@ point itself is where the ray meets that facet's plane.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +18,18 @@ from ..surface.mesh import Mesh
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Step = tuple[Ints, Floats, NDArray[np.bool_]]  # facet (−1: none), point, escaped upward
 
 # a ray that has crossed so many periods without meeting anything is as good as horizontal
 MAX_WRAPS = 2000
+
+
+class Tracer(Protocol):
+    """What finds the first facet on a ray: (n, 3) positions and directions -> (n,) index, −1 for none."""
+
+    name: str
+
+    def facet(self, position: Floats, direction: Floats) -> NDArray[np.int32]: ...
 
 
 class Embree:
@@ -64,22 +75,31 @@ class Paths:
     direction: Floats  # (n, 3) last direction of travel
     s_axis: Floats  # (n, 3) s axis of the frame that the light has after its last reflection (p = d × s)
     hits: list[Hits] = field(default_factory=list)
+    weight: Floats | None = None  # (n,) how many rays took this path; None: one each
+    variance: Floats | None = None  # (n,) variance of that number; None: independent rays
 
 
-def trace(mesh: Mesh, tracer: Embree, position: Floats, direction: Floats, s_axis: Floats, max_bounces: int) -> Paths:
+def trace(
+    mesh: Mesh,
+    tracer: Tracer,
+    position: Floats,
+    direction: Floats,
+    s_axis: Floats,
+    max_bounces: int,
+    known: Sequence[Step] = (),
+) -> Paths:
     """Follow rays from `position` along `direction` until they escape upward, leave sideways or reach the limit.
 
     position, direction : (n, 3), starting at or above the top of the mesh and going down
     s_axis : (n, 3) unit vectors across the direction, the s axis of the incident light
+    known : what the first intersections find (as `next_facet`), each for the rays that are still on their way
     """
     n = len(position)
     paths = Paths(np.zeros(n, np.int64), np.zeros(n, bool), direction.copy(), s_axis.copy())
     ray = np.arange(n)
     position, direction, s = position.copy(), direction.copy(), s_axis.copy()
-    # off the facet by a few units in the last place of the largest single-precision coordinate
-    lift = 8 * np.finfo(np.float32).eps * max(np.abs(mesh.vertices - mesh.vertices.mean(axis=0)).max(), 1e-12)
     for k in range(max_bounces + 1):
-        facet, position, escaped = next_facet(mesh, tracer, position, direction)
+        facet, position, escaped = known[k] if k < len(known) else next_facet(mesh, tracer, position, direction)
         paths.escaped[ray[escaped]] = True
         go = facet >= 0
         if k == max_bounces:
@@ -87,12 +107,12 @@ def trace(mesh: Mesh, tracer: Embree, position: Floats, direction: Floats, s_axi
         ray, position, direction, s, facet = ray[go], position[go], direction[go], s[go], facet[go]
         if len(ray) == 0:
             break
-        normal = mesh.normals[facet]
+        normal = mesh.planes(facet)[0]
         cos_i = -np.einsum("ij,ij->i", direction, normal)
         s, c2, s2 = _next_frame(direction, normal, s)
         direction = direction + (2 * cos_i)[:, None] * normal
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        position = position + lift * normal
+        position = position + mesh.lift * normal
         paths.hits.append(Hits(ray, np.clip(cos_i, 0.0, 1.0), c2, s2))
         paths.bounces[ray] += 1
         paths.direction[ray] = direction
@@ -111,13 +131,13 @@ def _next_frame(direction: Floats, normal: Floats, s: Floats) -> tuple[Floats, F
     return new, cos * cos - sin * sin, 2 * sin * cos
 
 
-def next_facet(
-    mesh: Mesh, tracer: Embree, position: Floats, direction: Floats
-) -> tuple[Ints, Floats, NDArray[np.bool_]]:
-    """First facet (−1: none), the point on it, and whether the ray escaped upward, over as many periods as it takes."""
+def next_facet(mesh: Mesh, tracer: Tracer, position: Floats, direction: Floats) -> Step:
+    """First facet (−1: none), the point on it, and whether the ray escaped upward, over as many periods as it takes.
+
+    Rays that the steepest facet can no longer stop are not cast at all.
+    """
     n = len(position)
     facet = np.full(n, -1, np.int64)
-    escaped = np.zeros(n, bool)
     point = position.copy()
     bottom, top = mesh.z_range
     box = np.array(mesh.box).reshape(2, 2)
@@ -125,23 +145,18 @@ def next_facet(
         # a hit in the overlap belongs to the other side
         size = box[:, 1] - box[:, 0]
         point[:, :2] -= size * np.floor((point[:, :2] - box[:, 0]) / size)
-    todo = np.flatnonzero(~((position[:, 2] >= top) & (direction[:, 2] > 0)))
-    escaped[(position[:, 2] >= top) & (direction[:, 2] > 0)] = True
+    escaped = ((position[:, 2] >= top) & (direction[:, 2] > 0)) | mesh.unstoppable(direction)
+    todo = np.flatnonzero(~escaped)
     for _ in range(MAX_WRAPS):
         if len(todo) == 0:
             break
         p, d = point[todo], direction[todo]
         found = tracer.facet(p, d)
-        hit = found >= 0
-        # a facet seen from below is a ray that slipped through an edge: it is neither hit nor escaped, so it is lost
-        normal = mesh.normals[found[hit]]
-        against = np.einsum("ij,ij->i", d[hit], normal)
-        front = against < 0
-        index = np.flatnonzero(hit)[front]
-        t = (mesh.offsets[found[index]] - np.einsum("ij,ij->i", p[index], normal[front])) / against[front]
-        point[todo[index]] = p[index] + t[:, None] * d[index]
-        facet[todo[index]] = found[index]
-        miss = np.flatnonzero(~hit)
+        hit = np.flatnonzero(found >= 0)
+        ok, where = meet(mesh, found[hit].astype(np.int64), p[hit], d[hit])
+        point[todo[hit[ok]]] = where[ok]
+        facet[todo[hit[ok]]] = found[hit[ok]]
+        miss = np.flatnonzero(found < 0)
         todo, p, d = todo[miss], p[miss], d[miss]
         with np.errstate(divide="ignore", invalid="ignore"):
             to_top = np.where(d[:, 2] > 0, (top - p[:, 2]) / d[:, 2], np.inf)
@@ -160,3 +175,15 @@ def next_facet(
         p[np.arange(len(todo)), axis] = np.where(d[np.arange(len(todo)), axis] > 0, box[axis, 0], box[axis, 1])
         point[todo] = p
     return facet, point, escaped
+
+
+def meet(mesh: Mesh, facet: Ints, position: Floats, direction: Floats) -> tuple[NDArray[np.bool_], Floats]:
+    """Where rays meet the planes of their facets, (n, 3), and whether that is from above.
+
+    A facet seen from below is a ray that slipped through an edge: it is neither hit nor escaped, so it is lost.
+    """
+    normal, offset = mesh.planes(facet)
+    against = np.einsum("ij,ij->i", direction, normal)
+    front = against < 0
+    t = (offset - np.einsum("ij,ij->i", position, normal)) / np.where(front, against, -1.0)
+    return front, position + t[:, None] * direction

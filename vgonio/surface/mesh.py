@@ -12,6 +12,8 @@ from ..errors import InputError
 from .heightfield import Heightfield
 
 Floats = NDArray[np.float64]
+KEPT_FACETS = 4_000_000  # beyond, planes are worked out for the facets that are hit only
+AZIMUTHS = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,22 +36,82 @@ class Mesh:
         return float(self.vertices[:, 2].min()), float(self.vertices[:, 2].max())
 
     @cached_property
+    def lift(self) -> float:
+        """µm by which a reflected ray starts above its facet: a few units in the last place of the largest
+        single-precision coordinate, counted from the middle of the mesh."""
+        reach = (self.vertices.max(axis=0) - self.vertices.min(axis=0)).max() / 2
+        return float(8 * np.finfo(np.float32).eps * max(reach, 1e-12))
+
+    def corners(self, facet: NDArray | slice) -> tuple[Floats, Floats, Floats]:
+        """The three corners (n, 3) of facets (n,)."""
+        a, b, c = (self.vertices[self.faces[facet, i]] for i in range(3))
+        return a, b, c
+
+    def _planes(self, facet: NDArray | slice) -> tuple[Floats, Floats]:
+        a, b, c = self.corners(facet)
+        n = np.cross(b - a, c - a)
+        n /= np.linalg.norm(n, axis=1, keepdims=True)
+        return n, np.einsum("ij,ij->i", n, a)
+
+    @cached_property
+    def _all_planes(self) -> tuple[Floats, Floats]:
+        return self._planes(slice(None))
+
+    def planes(self, facet: NDArray) -> tuple[Floats, Floats]:
+        """(n, 3) unit normals of facets (n,), n_z ≥ 0, and the distances n · r of their planes from the origin."""
+        if len(self.faces) > KEPT_FACETS:
+            return self._planes(facet)
+        normal, offset = self._all_planes
+        return normal[facet], offset[facet]
+
+    @cached_property
     def normals(self) -> Floats:
         """(nf, 3) unit normals of the facets in double precision, n_z ≥ 0."""
-        a, b, c = (self.vertices[self.faces[:, i]] for i in range(3))
-        n = np.cross(b - a, c - a)
-        return n / np.linalg.norm(n, axis=1, keepdims=True)
+        return self._all_planes[0]
 
     @cached_property
     def areas(self) -> Floats:
         """(nf,) areas of the facets in µm²."""
-        a, b, c = (self.vertices[self.faces[:, i]] for i in range(3))
+        a, b, c = self.corners(slice(None))
         return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
     @cached_property
     def offsets(self) -> Floats:
         """(nf,) distances of the facets' planes from the origin: n · r = offset."""
-        return np.einsum("ij,ij->i", self.normals, self.vertices[self.faces[:, 0]])
+        return self._all_planes[1]
+
+    @cached_property
+    def steepest(self) -> Floats:
+        """(AZIMUTHS,) largest slope of any facet towards azimuths 2πk/AZIMUTHS; infinite towards a wall."""
+        azimuth = 2 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
+        towards = np.stack([np.cos(azimuth), np.sin(azimuth)])
+        steepest = np.full(AZIMUTHS, -np.inf)
+        for start in range(0, len(self.faces), 1 << 18):
+            n, _ = self._planes(slice(start, start + (1 << 18)))
+            wall = n[:, 2] <= 1e-9
+            if wall.any():
+                faced = (-n[wall, :2] @ towards > 1e-9).any(axis=0)
+                steepest[faced] = np.inf
+            if not wall.all():
+                slope = -n[~wall, :2] / n[~wall, 2:]
+                steepest = np.maximum(steepest, (slope @ towards).max(axis=0))
+        return np.maximum(steepest, 0.0)
+
+    def unstoppable(self, direction: Floats) -> NDArray[np.bool_]:
+        """(n,) whether a ray that starts on or above the surface is steeper than any facet in its azimuth.
+
+        The greatest slope h(u) towards u is sublinear, so h(a u₁ + b u₂) ≤ a h(u₁) + b h(u₂) between two azimuths.
+        """
+        sector = 2 * np.pi / AZIMUTHS
+        x, y, z = direction[:, 0], direction[:, 1], direction[:, 2]
+        k = np.floor(np.arctan2(y, x) / sector).astype(np.int64)
+        first, second = self.steepest[k % AZIMUTHS], self.steepest[(k + 1) % AZIMUTHS]
+        c, s = np.cos(k * sector), np.sin(k * sector)
+        along, across = np.maximum(x * c + y * s, 0), np.maximum(y * c - x * s, 0)
+        b = across / np.sin(sector)
+        a = np.maximum(along - b * np.cos(sector), 0)
+        with np.errstate(invalid="ignore"):
+            return z > (1 + 1e-9) * (a * first + b * second)
 
 
 def mesh(surface: Heightfield, refinement: int = 1) -> Mesh:
