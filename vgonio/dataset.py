@@ -94,9 +94,11 @@ def brdf_dataset(
 
 
 def plain(value: Any) -> Any:
-    """Attributes in a file are strings and numbers; anything else becomes JSON."""
+    """Attributes in a file are strings and numbers; anything else becomes JSON, a number beyond 64 bits as well."""
     if isinstance(value, (bool, np.bool_)):
         return int(value)
+    if isinstance(value, int) and not -(2**63) <= value < 2**63:
+        return str(value)
     if isinstance(value, (str, int, float, np.integer, np.floating)):
         return value
     return json.dumps(value, default=str)

@@ -9,6 +9,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+# names that a message lists; a line of a hundred materials helps nobody
+MOST_NAMES = 25
+
 
 class VgonioError(Exception):
     """Base of all errors that the input, not the program, is responsible for."""
@@ -42,4 +45,5 @@ def nearest(name: str, known: Iterable[str]) -> str:
     """A hint "did you mean 'x'?" for a misspelt name, or the list of known ones."""
     known = sorted(known)
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    return f"did you mean {close[0]!r}?" if close else "known: " + ", ".join(known)
+    more = f" and {len(known) - MOST_NAMES} more" if len(known) > MOST_NAMES else ""
+    return f"did you mean {close[0]!r}?" if close else "known: " + ", ".join(known[:MOST_NAMES]) + more

@@ -222,7 +222,7 @@ def _from_file(path: Path) -> Material:
     try:
         parts = _csv_parts(text) if path.suffix.lower() in (".csv", ".txt") else _yaml_parts(text)
         n, n_range = parts["n"]
-    except (KeyError, ValueError, IndexError, TypeError, AttributeError) as e:
+    except (KeyError, ValueError, IndexError, TypeError, AttributeError, RecursionError) as e:
         raise FileFormatError(
             f"{path} is not a refractiveindex.info YAML or CSV file with columns λ (µm), n, k ({type(e).__name__}: {e})"
         ) from None
@@ -235,7 +235,11 @@ def _yaml_parts(text: str) -> dict:
     import yaml
 
     parts: dict = {}
-    for block in yaml.safe_load(text)["DATA"]:
+    try:
+        content = yaml.safe_load(text)
+    except yaml.YAMLError as e:
+        raise ValueError(f"no YAML: {e}") from None
+    for block in content["DATA"]:
         kind = block["type"].split()
         if kind[0] == "tabulated":
             rows = np.array([[float(v) for v in line.split()] for line in block["data"].strip().splitlines()])

@@ -54,7 +54,7 @@ def simulate(
     with run.part("surface"):
         inputs = assembly.gather(checked)
     plan = plan_of(checked, inputs)
-    tree = xr.DataTree(name=checked.name)
+    tree = xr.DataTree()  # without a name: a title may hold what a name must not
     tree.attrs = {
         "title": checked.name,
         "scene": checked.to_json(),

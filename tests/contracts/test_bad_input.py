@@ -210,6 +210,56 @@ def test_empty_lists(refused, key):
     assert key.split(".")[1] in refused(*setting(f"{key}=[]"))
 
 
+def test_a_crop_that_is_no_length(refused):
+    assert "crop_um = []" in refused(*setting("surface.crop_um=[]"))
+    assert "crop_um = -1:" in refused(*setting("surface.crop_um=-1"))
+
+
+def test_a_scene_nested_too_deeply(refused, folder):
+    (folder / "deep.toml").write_text("a = " + "[" * 5000 + "]" * 5000)
+    assert "nested too deeply" in refused("plan", "deep.toml")
+
+
+def test_a_material_file_that_is_no_yaml(refused, folder):
+    (folder / "odd.yml").write_text("a: [1\nb: }")
+    assert "odd.yml" in refused(*setting("material={file='odd.yml'}"))
+
+
+def test_an_unknown_name_does_not_list_hundreds_of_known_ones(refused):
+    assert len(refused(*setting("material.name=x"))) < 300
+
+
+def test_names_that_the_file_system_refuses(refused):
+    assert "too long" in refused("simulate", "scene.toml", "-o", "a" * 300 + ".nc")
+    assert "too long" in refused("surface", "convert", "sample.npz", "a" * 300 + ".npz")
+
+
+def test_what_does_not_fit_into_memory(refused, monkeypatch):
+    def too_large(*_):
+        raise MemoryError("Unable to allocate 548. TiB")
+
+    monkeypatch.setattr("vgonio.planning.plan_of", too_large)
+    assert "not enough memory" in refused("plan", "scene.toml")
+
+
+# ---- odd, but allowed
+@pytest.mark.parametrize(
+    "text",
+    ["title='<b>a/b</b> µ 日本'", "title=''", "geometric.seed=99999999999999999999999", "geometric.max_bounces=1e30"],
+)
+def test_odd_values_that_are_allowed(folder, text):
+    assert main(["simulate", "scene.toml", "--quiet", "--set", text]) == 0
+    tree = vg.open("result.nc")
+    assert "rays" in tree.children
+    page = (folder / "result.html").read_text(encoding="utf-8")
+    assert "<b>a/b</b>" not in page
+
+
+def test_a_scene_with_a_byte_order_mark(folder):
+    (folder / "bom.toml").write_bytes(b"\xef\xbb\xbf" + SCENE.encode())
+    assert main(["plan", "bom.toml", "--quiet"]) == 0
+
+
 # ---- results
 def _another_programs_netcdf(path: Path) -> None:
     import xarray as xr
@@ -239,6 +289,10 @@ def test_a_result_file_of_another_program(refused, folder, write, words):
     write(folder / "other.nc")
     assert words in refused("report", "other.nc", "-o", "page.html")
     assert words in refused("compare", "other.nc", "other.nc")
+
+
+def test_a_folder_in_place_of_a_result(refused):
+    assert "no such result file" in refused("report", ".")
 
 
 def test_a_truncated_result(refused, folder):

@@ -56,10 +56,21 @@ def _command(arguments: list[str], kept: _Warnings) -> int:
         return _say(f"error: {e}", BAD_INPUT)
     except BrokenPipeError:
         raise
+    except (OSError, MemoryError) as e:
+        # the machine refused: a full disk, a name that is too long, an array that does not fit
+        kept.drop()
+        return _say(f"error: {_refusal(e)}", BAD_INPUT)
     except Exception as e:
         if os.environ.get("VGONIO_DEBUG"):
             raise
         return _say(f"internal error: {type(e).__name__}: {e} (VGONIO_DEBUG=1 shows where)", OWN_FAULT)
+
+
+def _refusal(error: OSError | MemoryError) -> str:
+    if isinstance(error, MemoryError):
+        return f"not enough memory for this scene ({error or 'no more is to be had'})"
+    place = "" if error.filename is None else f"{error.filename}: "
+    return f"{place}{error.strerror or error}"
 
 
 def _usage(error: Any) -> str:

@@ -93,8 +93,8 @@ def report(
     from .. import measure
     from ..planning import check_output, with_folder
 
-    path = output if output is not None else result.with_suffix(".html")
     tree = measure.open(result)
+    path = output if output is not None else result.with_suffix(".html")
     check_output(path, (".html", ".htm"), [result])
     from ..report import page
 

@@ -21,7 +21,9 @@ def first_error(error: ValidationError) -> str:
 
 def _place(loc: tuple[int | str, ...]) -> str:
     # the parts of a union and list positions are pydantic's, not the user's
-    return ".".join(str(p) for p in loc if isinstance(p, str) and not p.startswith(("list[", "float", "function-")))
+    return ".".join(
+        str(p) for p in loc if isinstance(p, str) and not p.startswith(("list[", "float", "constrained-", "function-"))
+    )
 
 
 def _line(e: Any) -> str:

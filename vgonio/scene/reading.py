@@ -34,13 +34,15 @@ def load_scene(source: str | os.PathLike[str] | Mapping[str, Any] | Scene, overr
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise FileFormatError(
             f"no such scene file: {path} (`vgonio init {path.name}` writes one to start from)"
         ) from None
     except OSError as e:
         raise FileFormatError(f"cannot read scene {path}: {e.strerror or e}") from None
+    except RecursionError:
+        raise FileFormatError(f"{path} is nested too deeply for a scene") from None
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as e:
         raise FileFormatError(f"{path} is no valid TOML file: {' '.join(str(e).split())}") from None
 

@@ -148,7 +148,12 @@ class Heightfield:
 
     def cropped(self, size_um: float | ArrayLike, centre: bool = True) -> Heightfield:
         """The central (or first) part of (Ly, Lx) or one side length in µm; the result is not periodic."""
-        want = np.broadcast_to(np.asarray(size_um, dtype=float), (2,))
+        try:
+            want = np.broadcast_to(np.asarray(size_um, dtype=float), (2,))
+        except (TypeError, ValueError):
+            want = np.array([np.nan, np.nan])
+        if not np.all(np.isfinite(want)):
+            raise InputError(f"crop_um = {size_um!r}: give one side length or (Ly, Lx), in µm")
         n = [int(round(w / p)) for w, p in zip(want, self.pitch_um)]
         for have, get, side in zip(self.shape, n, want):
             if not 2 <= get <= have:
