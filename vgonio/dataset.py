@@ -27,6 +27,8 @@ COORDINATES = {
     "solid_angle": ("sr", "solid angle of the detector element"),
     "bounce": ("1", "number of reflections; the last entry gathers all higher ones"),
     "order": ("1", "diffraction order"),
+    "stokes_out": ("1", "Stokes parameter of the reflected light"),
+    "stokes_in": ("1", "Stokes parameter of the incident light"),
     "cell": ("1", "cell of the hemisphere"),
 }
 VARIABLES = {
@@ -41,6 +43,8 @@ VARIABLES = {
     "efficiency": ("1", "diffraction efficiency: power of the order over incident power"),
     "fresnel": ("1", "Fresnel reflectance at the half vector"),
     "rays": ("1", "number of rays traced"),
+    "mueller": ("sr-1", "Mueller matrix BRDF, not normalised: [0, 0] is the BRDF of unpolarised light"),
+    "mueller_stderr": ("sr-1", "standard error of the mean of mueller"),
     "windows": ("1", "effective independent coherence windows"),
 }
 

@@ -108,6 +108,14 @@ class Incoming:
         return np.einsum("nij,mj->nmi", frames(self.vectors), local), np.full(len(local), 1.0 / len(local))
 
 
+def s_axes(w: Floats, phi_deg: float = 0.0) -> Floats:
+    """(n, 3) s axes n × ω / |n × ω| of directions ω (n, 3); at the pole ŷ, turned by the azimuth of incidence."""
+    s = np.cross([0.0, 0.0, 1.0], w)
+    length = np.linalg.norm(s, axis=1, keepdims=True)
+    phi = radians(phi_deg)
+    return np.where(length > 1e-9, s / np.maximum(length, 1e-300), [-np.sin(phi), np.cos(phi), 0.0])
+
+
 def frames(w: Floats) -> Floats:
     """(n, 3, 3) rotation matrices whose third column is w (n, 3): local cone coordinates to the world's."""
     a = np.where(np.abs(w[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])

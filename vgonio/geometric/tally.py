@@ -28,7 +28,7 @@ class Tally:
     absorbed: Floats  # (w,)
     lost: Floats  # (w,)
     mueller: Floats  # (element, stokes_out, stokes_in, w) of all paths together; no elements unless asked for
-    mueller_squared: Floats  # the same, Σ of squares per ray
+    mueller_variance: Floats  # variance of `mueller`, estimated
 
     @staticmethod
     def empty(kept: int, elements: int, wavelengths: int, polarised: bool = False) -> Tally:
@@ -41,19 +41,29 @@ class Tally:
 
     def __iadd__(self, other: Tally) -> Tally:
         self.rays += other.rays
-        for name in ("caught", "caught_variance", "upward", "absorbed", "lost"):
+        for name in ("caught", "caught_variance", "upward", "absorbed", "lost", "mueller", "mueller_variance"):
             getattr(self, name).__iadd__(getattr(other, name))
         return self
 
 
-def tally(paths: Paths, table: FresnelTable, detector: Detector, polarisation: str, kept: int) -> Tally:
+def tally(
+    paths: Paths,
+    table: FresnelTable,
+    detector: Detector,
+    polarisation: str,
+    kept: int,
+    polarised: bool = False,
+    phi_i_deg: float = 0.0,
+) -> Tally:
     """Power of every path at every wavelength, sorted by fate and number of reflections.
+
+    polarisation : of the source;  polarised : Mueller matrices as well, in frames that at the pole turn with phi_i_deg
 
     A path counts `paths.weight` times. The variance of what is caught is that of independent rays, or
     Σ variance · power² where `paths.variance` says by how much the weights vary.
     """
     wavelengths = table.table.shape[2]
-    out = Tally.empty(kept, len(detector), wavelengths)
+    out = Tally.empty(kept, len(detector), wavelengths, polarised)
     weight = np.ones(len(paths.bounces)) if paths.weight is None else paths.weight
     out.rays = round(float(weight.sum()))
     stray = ~paths.escaped & (paths.bounces == 0)
@@ -90,11 +100,31 @@ def tally(paths: Paths, table: FresnelTable, detector: Detector, polarisation: s
 
     if len(paths.hits) > 1:
         _tally_multiple(out, paths, table, polarisation, kept, ray[~once], element[~once])
+    if polarised:
+        _tally_mueller(out, paths, table, detector, ray, element, phi_i_deg)
     if paths.variance is None and out.rays > 1:
-        # of independent rays: Σx² − (Σx)²/n
-        spread = np.maximum(out.caught_variance - out.caught**2 / out.rays, 0)
-        out.caught_variance = spread * (out.rays / (out.rays - 1))
+        out.caught_variance = _independent(out.caught_variance, out.caught, out.rays)
+        out.mueller_variance = _independent(out.mueller_variance, out.mueller, out.rays)
     return out
+
+
+def _independent(squares: Floats, total: Floats, rays: int) -> Floats:
+    """Variance of a sum over independent rays: Σx² − (Σx)²/n."""
+    return np.maximum(squares - total**2 / rays, 0) * (rays / (rays - 1))
+
+
+def _tally_mueller(
+    out: Tally, paths: Paths, table: FresnelTable, detector: Detector, ray: NDArray, element: NDArray, phi_i_deg: float
+) -> None:
+    """Matrices of the paths that were caught, added up per detector element."""
+    shape = (len(detector), -1)
+    for part in slices(len(ray), table.table.shape[2]):
+        r = ray[part]
+        m = path_matrices(paths, table, r, detector, element[part], phi_i_deg).reshape(len(r), -1)
+        weight = np.ones(len(r)) if paths.weight is None else paths.weight[r]
+        variance = weight if paths.variance is None else paths.variance[r]
+        out.mueller.reshape(shape)[:] += _gathering(element[part], weight, len(detector)) @ m
+        out.mueller_variance.reshape(shape)[:] += _gathering(element[part], variance, len(detector)) @ m**2
 
 
 def _tally_multiple(
@@ -137,11 +167,11 @@ def _catch(out: Tally, bounce: int, element: NDArray, power: Floats, weight: Flo
     """Add power (n, w) of paths that fell into `element` (n,), each `weight` (n,) times, Σ variance · power² beside."""
     if len(element) == 0:
         return
-    shape, pointer = (out.caught.shape[1], len(element)), np.arange(len(element))
-    out.caught[bounce] += sp.csr_array((weight, (element, pointer)), shape=shape) @ power
-    out.caught_variance[bounce] += sp.csr_array((variance, (element, pointer)), shape=shape) @ power**2
+    elements = out.caught.shape[1]
+    out.caught[bounce] += _gathering(element, weight, elements) @ power
+    out.caught_variance[bounce] += _gathering(element, variance, elements) @ power**2
 
 
-def _gathering(element: NDArray, elements: int) -> sp.csr_array:
-    """(elements, n) matrix that adds up what belongs to the same element."""
-    return sp.csr_array((np.ones(len(element)), (element, np.arange(len(element)))), shape=(elements, len(element)))
+def _gathering(element: NDArray, weight: Floats, elements: int) -> sp.csr_array:
+    """(elements, n) matrix that adds up, weighted, what belongs to the same element."""
+    return sp.csr_array((weight, (element, np.arange(len(element)))), shape=(elements, len(element)))

@@ -1,7 +1,7 @@
 """Paths of rays over a mesh: hits, reflections, what escapes upward and what is lost.
 
-Positions and normals are kept in double precision; Embree (single precision) only says which facet is hit first, the
-point itself is where the ray meets that facet's plane.
+Positions and normals are kept in double precision; a tracer (in single precision) only says which facet is hit first,
+the point itself is where the ray meets that facet's plane.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import BackendError
 from ..surface.mesh import Mesh
 
 Floats = NDArray[np.float64]
@@ -30,30 +29,6 @@ class Tracer(Protocol):
     name: str
 
     def facet(self, position: Floats, direction: Floats) -> NDArray[np.int32]: ...
-
-
-class Embree:
-    """Closest-hit queries on a mesh by Embree 4 (Wald 2014), watertight mode."""
-
-    name = "embree"
-
-    def __init__(self, mesh: Mesh) -> None:
-        try:
-            from embreex.mesh_construction import TriangleMesh
-            from embreex.rtcore_scene import EmbreeScene
-        except ImportError as e:
-            raise BackendError(f"embreex cannot be loaded ({e}): pip install embreex") from None
-        # single precision counts from the middle of the mesh
-        lo, hi = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-        self.origin = (lo + hi) / 2
-        self.scene = EmbreeScene(robust=True)
-        self.geometry = TriangleMesh(self.scene, (mesh.vertices - self.origin).astype(np.float32), mesh.faces)
-
-    def facet(self, position: Floats, direction: Floats) -> NDArray[np.int32]:
-        """(n,) index of the first facet hit, −1 for none."""
-        if len(position) == 0:
-            return np.zeros(0, np.int32)
-        return self.scene.run((position - self.origin).astype(np.float32), direction.astype(np.float32))
 
 
 @dataclass

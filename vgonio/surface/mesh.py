@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -34,6 +34,11 @@ class Mesh:
     @cached_property
     def z_range(self) -> tuple[float, float]:
         return float(self.vertices[:, 2].min()), float(self.vertices[:, 2].max())
+
+    @cached_property
+    def middle(self) -> Floats:
+        """(3,) middle of the bounding box: single precision counts from there."""
+        return (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2
 
     @cached_property
     def lift(self) -> float:
@@ -194,3 +199,15 @@ def mirrored(surface: Heightfield) -> Heightfield:
     """
     z = np.block([[surface.z, surface.z[:, ::-1]], [surface.z[::-1], surface.z[::-1, ::-1]]])
     return surface.with_history(z, "mirrored 2 × 2 supercell", periodic=True)
+
+
+def profile_once(surface: Heightfield) -> Heightfield:
+    """One profile repeated along y as the fewest rows that span the same extent; anything else as it is."""
+    ny = surface.shape[0]
+    if ny < 3 or not surface.is_profile or surface.missing:
+        return surface
+    if surface.periodic or surface.interpolation == "nearest":
+        rows, dy = 1, ny * surface.dy
+    else:
+        rows, dy = 2, (ny - 1) * surface.dy
+    return replace(surface, z=surface.z[:rows], pitch_um=(dy, surface.dx))

@@ -1,0 +1,139 @@
+"""The beam that falls on a mesh: where rays start, where they go, and what each facet does to parallel light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..directions import Incoming, frames, s_axes
+from ..errors import InputError
+from ..surface.heightfield import Heightfield
+from ..surface.mesh import KEPT_FACETS, Mesh, mesh, profile_once
+from .trace import Paths, Tracer, trace
+from .tracers import TRACERS
+
+Floats = NDArray[np.float64]
+Area = tuple[float, float, float, float]
+BEHIND, FREE, OPEN = 0, 1, 2  # fates of a facet in parallel light
+CHUNK = 1 << 16
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A mesh with its tracer."""
+
+    mesh: Mesh
+    tracer: Tracer
+
+    @staticmethod
+    def of(surface: Heightfield, refinement: int, tracer: str) -> Scene:
+        m = mesh(profile_once(surface), refinement)
+        return Scene(m, TRACERS[tracer](m))
+
+    def start_area(self, incoming: Incoming, i: int) -> Area | None:
+        """(x0, x1, y0, y1) at the top of the mesh where rays start.
+
+        Periodic: one period. Finite: so far inside that the first hit is real, and a margin for the way out, a
+        quarter of what is left. None where nothing is left.
+        """
+        x0, x1, y0, y1 = self.mesh.box
+        if self.mesh.period is not None:
+            return x0, x1, y0, y1
+        bottom, top = self.mesh.z_range
+        w = incoming.vectors[i]
+        reach = -(top - bottom) * w[:2] / w[2] * 1.001
+        lo = np.array([x0, y0]) - np.minimum(reach, 0)
+        hi = np.array([x1, y1]) - np.maximum(reach, 0)
+        margin = 0.25 * (hi - lo)
+        lo, hi = lo + margin, hi - margin
+        return None if np.any(hi - lo < 0.05 * np.array([x1 - x0, y1 - y0])) else (lo[0], hi[0], lo[1], hi[1])
+
+    def required_area(self, incoming: Incoming, i: int) -> Area:
+        area = self.start_area(incoming, i)
+        if area is None:
+            raise InputError(
+                f"θ_i = {incoming.theta_deg[i]:g}°: the sample is too small for a guard band, "
+                "use edges = 'auto' or 'mirror'"
+            )
+        return area
+
+    def starts(self, area: Area, n: int, rng: np.random.Generator) -> Floats:
+        """(n, 3) start positions at the top of the mesh, two in each cell of a grid, side by side in the list."""
+        position = np.empty((n, 3))
+        position[:, :2] = stratified(area, n, rng)
+        position[:, 2] = self.mesh.z_range[1]
+        return position
+
+    def paths(self, incoming: Incoming, i: int, n: int, rng: np.random.Generator, max_bounces: int) -> Paths:
+        """Trace n rays of incidence i: starts stratified over the area, directions over the source's cone."""
+        position = self.starts(self.required_area(incoming, i), n, rng)
+        direction, s = rays_of_source(incoming, i, n, rng)
+        return trace(self.mesh, self.tracer, position, direction, s, max_bounces)
+
+
+def stratified(area: Area, n: int, rng: np.random.Generator) -> Floats:
+    """(n, 2) points: two in each cell of a grid over (x0, x1, y0, y1), row by row; the remainder anywhere."""
+    x0, x1, y0, y1 = area
+    cells = max(n // 2, 1)
+    nx = int(np.clip(np.ceil(np.sqrt(cells * (x1 - x0) / (y1 - y0))), 1, cells))
+    ny = cells // nx
+    pairs = 2 * nx * ny if n > 1 else 0
+    unit = rng.random((n, 2))
+    grid = unit[:pairs].reshape(ny, nx, 2, 2) if pairs else unit[:0].reshape(0, nx, 2, 2)
+    grid[..., 0] += np.arange(nx)[:, None]
+    grid[..., 1] += np.arange(len(grid))[:, None, None]
+    grid /= (nx, ny)
+    unit *= (x1 - x0, y1 - y0)
+    unit += (x0, y0)
+    return unit
+
+
+def rays_of_source(incoming: Incoming, i: int, n: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """(n, 3) directions of travel and s axes of the light that comes from direction i, within the source's cone."""
+    w = np.broadcast_to(incoming.vectors[i], (n, 3)).copy()
+    if incoming.divergence_deg > 0:
+        half = np.deg2rad(incoming.divergence_deg / 2)
+        cos = 1 - rng.random(n) * (1 - np.cos(half))
+        psi = 2 * np.pi * rng.random(n)
+        sin = np.sqrt(1 - cos**2)
+        w = np.stack([sin * np.cos(psi), sin * np.sin(psi), cos], axis=1) @ frames(incoming.vectors[i : i + 1])[0].T
+        w[:, 2] = np.maximum(w[:, 2], 1e-6)  # a source cone that dips below the horizon is cut there
+        w /= np.linalg.norm(w, axis=1, keepdims=True)
+    # one polariser for the whole cone: its axis, as far as it lies across each ray
+    axis = s_axes(incoming.vectors[i : i + 1], incoming.phi_deg)[0]
+    s = axis - (w @ axis)[:, None] * w
+    return -w, s / np.linalg.norm(s, axis=1, keepdims=True)
+
+
+class ParallelBeam:
+    """Parallel light on a mesh: every facet reflects it into one direction, known before any ray is cast."""
+
+    def __init__(self, scene: Scene, incoming: Incoming, i: int) -> None:
+        direction, s = rays_of_source(incoming, i, 1, np.random.default_rng(0))
+        self.scene, self.direction, self.s_axis = scene, direction[0], s[0]
+        self.area = scene.required_area(incoming, i)
+        self.facets = len(scene.mesh.faces)
+        self._fates: NDArray[np.uint8] | None = None
+
+    def reflected(self, facet: NDArray) -> tuple[Floats, Floats, Floats]:
+        """Normals (n, 3), directions after the reflection (n, 3) and cosines of incidence (n,) of facets (n,)."""
+        normal, _ = self.scene.mesh.planes(facet)
+        cos_i = -(normal @ self.direction)
+        return normal, self.direction + (2 * cos_i)[:, None] * normal, cos_i
+
+    def _fate(self, facet: NDArray) -> NDArray[np.uint8]:
+        _, away, cos_i = self.reflected(facet)
+        fate = np.where(self.scene.mesh.unstoppable(away), FREE, OPEN)
+        return np.where(cos_i > 0, fate, BEHIND).astype(np.uint8)
+
+    def fate(self, facet: NDArray) -> NDArray[np.uint8]:
+        """(n,) whether light on facets (n,) is reflected where nothing can stop it (FREE), perhaps not (OPEN), or
+        comes from behind (BEHIND). Worked out once for all facets of a mesh that is not too big."""
+        if self.facets > KEPT_FACETS:
+            return self._fate(facet)
+        if self._fates is None:
+            parts = [self._fate(np.arange(a, min(a + CHUNK, self.facets))) for a in range(0, self.facets, CHUNK)]
+            self._fates = np.concatenate(parts)
+        return self._fates[facet]

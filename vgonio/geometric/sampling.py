@@ -1,0 +1,189 @@
+"""How many rays, in which batches, by which estimator: one angle of incidence until the tolerance is met."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..directions import Detector, Incoming
+from .beam import ParallelBeam, Scene
+from .facet_sampling import FacetSampling
+from .singles import Counts, Sort, count_batch, sorted_counts
+from .tally import Tally
+
+Floats = NDArray[np.float64]
+BATCH = 1 << 17  # rays of one batch: bounds the memory, whatever the number of rays
+ESTIMATORS = ("auto", "binning", "facets")
+MARGIN = 1.1  # more work than a pilot says, so that the next look is mostly the last
+POINTS_BESIDE_RAYS = 4  # without a tolerance: one point on a facet for so many rays
+CASTS_OF_A_POINT = 1.0  # of a ray's: two casts of which the one towards a high source is left out
+
+
+@dataclass(frozen=True)
+class Settings:
+    """rays : the cap;  tol : relative standard error or None;  bounces : kept apart"""
+
+    rays: int
+    tol: float | None
+    max_bounces: int
+    bounces: int
+    threads: int | None
+    estimator: str
+    wavelengths: int
+    polarised: bool
+
+    def empty(self, detector: Detector) -> Tally:
+        return Tally.empty(self.bounces, len(detector), self.wavelengths, self.polarised)
+
+
+def sample_angle(
+    scene: Scene,
+    incoming: Incoming,
+    i: int,
+    detector: Detector,
+    settings: Settings,
+    sort: Sort,
+    rng: np.random.Generator,
+) -> tuple[Tally, str, int]:
+    """The tally of incidence i, the estimator that was used, and the points it tried beside the rays."""
+    run = _Parallel if incoming.divergence_deg == 0 else _Divergent
+    with ThreadPoolExecutor(settings.threads or os.cpu_count() or 1) as pool:
+        work = run(scene, incoming, i, detector, settings, sort, pool, rng)
+        if settings.tol is None:
+            work.more(settings.rays, -(-settings.rays // POINTS_BESIDE_RAYS))
+            return work.result(), work.estimator, work.points
+        pilot = min(settings.rays, BATCH // 2)
+        work.more(pilot, pilot)
+        while True:
+            total = work.result()
+            rays, points = needed(total, work.points, settings.tol)
+            # what is missing, within the cap; a first look that says "many times more" is not believed at once
+            rays = min(rays, 16 * work.rays, settings.rays)
+            points = min(points, 16 * max(work.points, 1), settings.rays)
+            if relative_error(total) <= settings.tol or (rays <= work.rays and points <= work.points):
+                return total, work.estimator, work.points
+            work.more(max(rays - work.rays, 0), max(points - work.points, 0))
+
+
+class _Divergent:
+    """Rays one by one: every facet reflects into many directions."""
+
+    estimator, points = "binning", 0
+
+    def __init__(
+        self,
+        scene: Scene,
+        incoming: Incoming,
+        i: int,
+        detector: Detector,
+        settings: Settings,
+        sort: Sort,
+        pool: Executor,
+        rng: np.random.Generator,
+    ) -> None:
+        self.scene, self.incoming, self.i, self.detector = scene, incoming, i, detector
+        self.settings, self.sort, self.pool, self.rng = settings, sort, pool, rng
+        self.total, self.rays = settings.empty(detector), 0
+
+    def _batch(self, n: int, rng: np.random.Generator) -> Tally:
+        return self.sort(self.scene.paths(self.incoming, self.i, n, rng, self.settings.max_bounces))
+
+    def more(self, rays: int, points: int) -> None:
+        """Trace so many more."""
+        for group in _groups(rays, self.rng):
+            # in the order of the batches, so that the sums do not depend on the threads
+            for part in self.pool.map(lambda job: self._batch(*job), group):
+                self.total += part
+        self.rays += rays
+
+    def result(self) -> Tally:
+        return self.total
+
+
+class _Parallel(_Divergent):
+    """Single reflections counted by facet or, into narrow detectors, estimated facet by facet."""
+
+    def __init__(self, *arguments) -> None:
+        super().__init__(*arguments)
+        self.beam = ParallelBeam(self.scene, self.incoming, self.i)
+        self.counts = Counts(self.beam.facets, self.settings.rays)
+        self.beam.fate(np.zeros(1, np.int64))  # before the threads start
+        self.facets = self._facet_sampling()
+        self.estimator = "binning" if self.facets is None else "facets"
+
+    def _facet_sampling(self) -> FacetSampling | None:
+        wanted = self.settings.estimator
+        if wanted == "binning" or self.detector.kind != "in-plane":
+            return None
+        # looking at every facet costs about as much as a ray
+        if wanted == "auto" and self.beam.facets > 8 * self.settings.rays:
+            return None
+        return FacetSampling.of(self.beam, self.detector)
+
+    @property
+    def points(self) -> int:  # type: ignore[override]
+        return 0 if self.facets is None else self.facets.points
+
+    def _batch(self, n: int, rng: np.random.Generator) -> Tally:
+        paths = count_batch(self.beam, self.counts, n, rng, self.settings.max_bounces)
+        return self.settings.empty(self.detector) if paths is None else self.sort(paths)
+
+    def more(self, rays: int, points: int) -> None:
+        super().more(rays, 0)
+        if self.facets is not None and points:
+            self.facets.sample(points, self.rng, self.pool)
+
+    def result(self) -> Tally:
+        singles = sorted_counts(self.beam, self.counts, self.sort, self.settings.empty(self.detector))
+        if self.facets is not None:
+            better = self.facets.add_to(self.sort, self.settings.empty(self.detector), self.rays)
+            for name in ("caught", "caught_variance", "mueller", "mueller_variance"):
+                setattr(singles, name, getattr(better, name))
+        singles += self.total
+        return singles
+
+
+def needed(total: Tally, points: int, tol: float) -> tuple[int, int]:
+    """Rays and points altogether that bring every element that counts to `tol`, at the least cost.
+
+    The variance is that of rays, a, and of points, b; with n rays and m points it is a·(rays/n) + b·(points/m).
+    """
+    power = total.caught.sum(axis=0)
+    counts = that_count(power)
+    if not counts.any():
+        return 1 << 62, 1 << 62
+    allowed = (tol * power[counts]) ** 2 / MARGIN
+    by_points = total.caught_variance[0][counts] if points else 0.0
+    by_rays = total.caught_variance.sum(axis=0)[counts] - by_points
+    a, b = by_rays / allowed * total.rays, by_points / allowed * points
+    if points == 0:
+        return int(np.ceil(a.max())), 0
+    ratio = np.geomspace(1e-3, 1e3, 61)[:, None]  # points per ray
+    rays = (a + b / ratio).max(axis=1)
+    best = int(np.argmin(rays * (1 + CASTS_OF_A_POINT * ratio[:, 0])))
+    return int(np.ceil(rays[best])), int(np.ceil(rays[best] * ratio[best, 0]))
+
+
+def that_count(power: Floats) -> NDArray[np.bool_]:
+    """Elements whose power exceeds 10⁻³ of the largest, (element, w)."""
+    return (power > 0) & (power >= 1e-3 * power.max(axis=0, keepdims=True))
+
+
+def relative_error(t: Tally) -> float:
+    """Largest relative standard error of the caught power where it exceeds 10⁻³ of its largest value."""
+    power, variance = t.caught.sum(axis=0), t.caught_variance.sum(axis=0)
+    counts = that_count(power)
+    return float(np.max(np.sqrt(variance[counts]) / power[counts])) if counts.any() else float("inf")
+
+
+def _groups(rays: int, rng: np.random.Generator) -> Iterator[list[tuple[int, np.random.Generator]]]:
+    """Batches of rays, each with its own generator, in groups that bound the results waiting to be added up."""
+    sizes = [BATCH] * (rays // BATCH) + ([rays % BATCH] if rays % BATCH else [])
+    for start in range(0, len(sizes), 16):
+        part = sizes[start : start + 16]
+        yield list(zip(part, rng.spawn(len(part))))
