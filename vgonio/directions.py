@@ -113,7 +113,8 @@ def s_axes(w: Floats, phi_deg: float = 0.0) -> Floats:
     s = np.cross([0.0, 0.0, 1.0], w)
     length = np.linalg.norm(s, axis=1, keepdims=True)
     phi = radians(phi_deg)
-    return np.where(length > 1e-9, s / np.maximum(length, 1e-300), [-np.sin(phi), np.cos(phi), 0.0])
+    across = np.array([-np.sin(phi), np.cos(phi), 0.0])
+    return np.where(length > 1e-9, s / np.maximum(length, 1e-300), across)
 
 
 def frames(w: Floats) -> Floats:
