@@ -82,7 +82,7 @@ def test_methods_agree(kind, windowed, rng):
     opencl_or_skip("opencl")
     surface = rough().replace(interpolation=kind, periodic=False)
     window = np.hanning(48)[:, None] * np.hanning(64) if windowed else None
-    q = np.stack([rng.uniform(-8, 8, 40), rng.integers(-2, 3, 40) * 0.3, rng.uniform(1, 8, 40)], axis=1)
+    q = np.stack([rng.uniform(-5, 5, 24), rng.integers(-2, 3, 24) * 0.3, rng.uniform(1, 5, 24)], axis=1)
     exact = vg.wave.surface_fourier(surface, q, window, "reference", 1e-8)
     for method, tol in (("nufft", 1e-3), ("nufft", 1e-6), ("opencl", 1e-4), ("auto", 1e-5)):
         result = evaluate(surface, q, window, method, tol)
@@ -91,19 +91,25 @@ def test_methods_agree(kind, windowed, rng):
 
 
 def test_scattered_vectors_go_through_space(rng):
-    """Vectors all over the hemisphere: the three-dimensional transform, in tiles where memory is short."""
-    surface = rough((24, 24))
-    window = np.hanning(24)[:, None] * np.hanning(24)
-    q = rng.uniform(-6, 6, (120, 3))
-    exact = vg.wave.surface_fourier(surface, q, window, "reference", 1e-8)
-    from vgonio.wave import nufft
+    """Vectors all over the hemisphere: FFTs of the grid at a few q_l, or FINUFFT in space, in tiles and in blocks."""
+    from vgonio.wave import nufft, planes, reference
 
-    assert distance(vg.wave.surface_fourier(surface, q, window, "nufft", 1e-5), exact) < 1e-5
-    old, nufft.MEMORY = nufft.MEMORY, 2e6
+    x, y = np.arange(60) * 0.2 + 3, np.arange(50) * 0.25 - 7
+    window = np.hanning(50)[:, None] * np.hanning(60)
+    points = Points(x, y, rng.normal(size=(50, 60)), window)
+    q = np.stack([rng.uniform(-12, 12, 150), rng.uniform(-10, 10, 150), rng.uniform(1, 12, 150)], axis=1)
+    exact = reference.transform(points, q)
+    for tol in (1e-3, 1e-6, 1e-9):
+        assert distance(planes.transform(points, q, tol), exact) < tol
+    assert distance(nufft.transform(points, q, 1e-6), exact) < 1e-6
+    assert distance(nufft._tiles(points, q, 1e-6), exact) < 1e-5
+    block, memory = planes.BLOCK, nufft.MEMORY
     try:
-        assert distance(vg.wave.surface_fourier(surface, q, window, "nufft", 1e-5), exact) < 1e-5
+        planes.BLOCK, nufft.MEMORY = 32, 2e6
+        assert distance(planes.transform(points, q, 1e-6), exact) < 1e-6
+        assert distance(nufft._tiles(points, q, 1e-6), exact) < 1e-5
     finally:
-        nufft.MEMORY = old
+        planes.BLOCK, nufft.MEMORY = block, memory
 
 
 def test_error_stays_below_the_tolerance(rng):

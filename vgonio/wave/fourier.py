@@ -20,6 +20,7 @@ CHECKED = 48  # scattering vectors whose integral is computed again on a finer g
 MAX_POINTS = 60_000_000  # of one refined grid: 1.4 GB with weights
 OPENCL_RATE = 7e8  # terms per second of the direct sum on two cores, only to choose between methods
 OPENCL_TOL = 1e-5
+CHECK_SECONDS = 1.5  # that the direct sum may take for the check
 REFERENCE_RATE = 2e7
 
 
@@ -68,23 +69,32 @@ def evaluate(
     per_cycle = {"uniform": 1.1 + 0.15 * -np.log10(tol), "gauss": 2.5 + 0.4 * -np.log10(tol), "cells": 1.0}[rule]
     spacing = 2 * np.pi / fastest / per_cycle
     chosen = _choose(method, surface, vectors, spacing, tol)
-    error = np.inf
+    eps, discretisation, rounding = tol / 3, 0.0, 0.0
     for attempt in range(8):
         points = sample(surface, spacing, rule, w)
-        S = apply(chosen, points, vectors, tol / 3)
+        S = apply(chosen, points, vectors, eps)
         some = _subset(S, vectors)
-        if rule == "cells":
-            error = 0.0
+        fine = points if rule == "cells" else sample(surface, spacing / 1.5, rule, w)
+        check = check_method(chosen, fine, vectors[some], tol)
+        # the same grid again by another method, then a finer grid: two errors, each with its own remedy
+        again = S[some] if check == chosen == "reference" else apply(check, points, vectors[some], eps / 100)
+        rounding = _distance(S, S[some], again, some)
+        if rule != "cells":
+            discretisation = _distance(S, again, apply(check, fine, vectors[some], eps / 100), some)
+        if max(rounding, discretisation) <= tol / 2 or attempt == 7 or 4 * fine.size > MAX_POINTS:
             break
-        fine = sample(surface, tuple(s / 1.5 for s in spacing), rule, w)
-        error = _distance(S, apply(check_method(chosen, fine, vectors[some], tol), fine, vectors[some], tol / 10), some)
-        if error <= 0.7 * tol or attempt == 7 or 4 * fine.size > MAX_POINTS:
-            break
-        spacing = spacing / (1.5 if rule == "uniform" else 1.4)
+        if discretisation > tol / 2:
+            spacing = spacing / 1.4
+        if rounding > tol / 2:
+            eps /= 10
     floor = _floor(chosen, points, vectors)
-    total = float(np.hypot(error, max(tol / 3, floor) if chosen != "reference" else floor))
+    total = float(np.hypot(discretisation, max(rounding, floor)))
     if total > tol:
-        why = f"single precision of {chosen}" if floor > error else f"a grid of {points.size:.3g} points is not enough"
+        why = (
+            f"single precision of {chosen}"
+            if floor > discretisation
+            else f"a grid of {points.size:.3g} points is not enough"
+        )
         warnings.warn(f"surface_fourier: {total:.1e} instead of {tol:.1e}: {why}", VgonioWarning, stacklevel=3)
     return Transform(S, total, chosen, (float(spacing[0]), float(spacing[1])), points.size)
 
@@ -161,10 +171,9 @@ def _choose(method: str, surface: Heightfield, q: Floats, spacing: Floats, tol: 
 
 def check_method(chosen: str, fine: Points, q: Floats, tol: float) -> str:
     """What computes the few vectors on the finer grid: the method itself, or the direct sum where that is quicker."""
-    direct = "opencl" if tol >= 100 * OPENCL_TOL and _has_opencl() else "reference"
+    direct = "opencl" if tol >= 5 * OPENCL_TOL and _has_opencl() else "reference"
     rate = OPENCL_RATE if direct == "opencl" else REFERENCE_RATE
-    quick = fine.size * len(q) / rate < nufft.seconds(fine, q, tol)
-    return direct if quick else ("nufft" if chosen == "opencl" else chosen)
+    return direct if fine.size * len(q) / rate < CHECK_SECONDS else "nufft"
 
 
 def _has_opencl() -> bool:
@@ -186,13 +195,13 @@ def _subset(S: Complex, q: Floats) -> np.ndarray:
     return np.unique(np.concatenate([strong, far, np.linspace(0, m - 1, third).astype(int)]))
 
 
-def _distance(S: Complex, fine: Complex, some: np.ndarray) -> float:
-    """‖ΔS‖₂/‖S‖₂, the part that was not computed again counted in proportion."""
+def _distance(S: Complex, a: Complex, b: Complex, some: np.ndarray) -> float:
+    """‖a − b‖₂/‖S‖₂ with a, b at the vectors `some`; the vectors that were not computed again count in proportion."""
     total = np.linalg.norm(S)
+    delta = np.abs(a - b)
     if total == 0:
-        return float(np.linalg.norm(fine))
+        return float(np.linalg.norm(delta))
     weakest = np.setdiff1d(some, np.argsort(-np.abs(S))[: len(some) // 3])
-    delta = np.abs(S[some] - fine)
     rest = len(S) - len(some)
     typical = np.mean(delta[np.isin(some, weakest)] ** 2) if len(weakest) else 0.0
     return float(np.sqrt(np.sum(delta**2) + rest * typical) / total)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BackendError
+from . import planes
 from .quadrature import Complex, Floats, Points
 
 MEMORY = 1.5e9  # bytes that one transform's grid may take
@@ -35,7 +36,8 @@ def transform(points: Points, q: Floats, tol: float, azimuth: float | None = Non
     if given or len(levels) <= ROW_LIMIT:
         s = _rows(points, q, levels * scale * 1e-12, row, azimuth, tol)
     else:
-        s = _tiles(points, q, tol)
+        grid = planes.applies(points) and planes.seconds(points, q, tol) < _tiles_seconds(points, q, tol)
+        s = planes.transform(points, q, tol) if grid else _tiles(points, q, tol)
     return s * points.factor(q)
 
 
@@ -105,8 +107,13 @@ def seconds(points: Points, q: Floats, tol: float) -> float:
     count = rows(q)
     if count <= ROW_LIMIT:
         return count * (n / 2e7 + 0.01)
-    tiles = max(1.0, grid_bytes(points, q, tol) / MEMORY)
-    return tiles * (n / 1.5e6 + MEMORY / 16 / 2e7)
+    direct = _tiles_seconds(points, q, tol)
+    return min(direct, planes.seconds(points, q, tol)) if planes.applies(points) else direct
+
+
+def _tiles_seconds(points: Points, q: Floats, tol: float) -> float:
+    cells = grid_bytes(points, q, tol)
+    return max(1.0, cells / MEMORY) * (points.size / 1.5e6 + min(cells, MEMORY) / 16 / 2e7)
 
 
 def _tiles(points: Points, q: Floats, tol: float) -> Complex:

@@ -17,7 +17,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.fft
@@ -28,41 +27,12 @@ from threadpoolctl import threadpool_limits
 from ..surface.heightfield import Heightfield
 from .coherence import Window
 from .quadrature import Complex, Floats
+from .spreading import Band, Kernel
 
-OVERSAMPLING_Z, OVERSAMPLING_X = 1.5, 2.0
+OVERSAMPLING_X = 2.0
 COLUMNS = 256  # of one matrix product: (y × columns) stays in the cache
+MEMORY = 4e8  # bytes of the sums over y that are held: rows beyond go over the points again
 MIN_ROWS = 4  # with fewer rows of q_v the separate transforms are quicker
-
-
-@dataclass(frozen=True)
-class Kernel:
-    """ψ(t) = exp(β (√(1 − t²) − 1)) on |t| < 1, `width` grid cells wide (Barnett 2019, 1.8)."""
-
-    width: int
-    beta: float
-
-    @staticmethod
-    def of(tol: float, oversampling: float) -> Kernel:
-        """Width from the kernel's error bound exp(−π w √(1 − 1/σ)), β just inside the cut-off."""
-        width = int(np.ceil(np.log(1 / tol) / (np.pi * np.sqrt(1 - 1 / oversampling)))) + 1
-        width = int(np.clip(width, 3, 24))
-        return Kernel(width, 0.97 * np.pi * width * (1 - 1 / (2 * oversampling)))
-
-    def __call__(self, t: Floats) -> Floats:
-        return np.exp(self.beta * (np.sqrt(np.maximum(1 - t**2, 0.0)) - 1))
-
-    def transform(self, frequency: Floats) -> Floats:
-        """∫ ψ(2s/width) exp(−i frequency s) ds over s in grid cells, frequency in rad per cell."""
-        t, w = np.polynomial.legendre.leggauss(4 * self.width + 16)
-        half = self.width / 2
-        flat = np.ravel(frequency)
-        return (np.cos(np.outer(flat, half * t)) @ (half * w * self(t))).reshape(np.shape(frequency))
-
-    def taps(self, position: Floats) -> tuple[NDArray[np.int64], Floats]:
-        """First grid index and the `width` weights around each position (in cells)."""
-        first = np.ceil(position - self.width / 2).astype(np.int64)
-        distance = first[:, None] + np.arange(self.width) - position[:, None]
-        return first, self(2 * distance / self.width)
 
 
 def sums(
@@ -90,44 +60,29 @@ def sums(
         along = (np.exp(-1j * np.outer(levels, y)) * g).astype(np.complex128)
         z = ip.grid(y + y_c, x) - middle
         band = Band.of(q[:, 2], float(np.abs(z).max()) * 1.001 + 1e-9, tol)
-        spectrum = _sum_over_y(z, along, band)
-        area_y = float(np.sum(g**2)) / (2 * half / rows)
         S = np.zeros((len(group), len(q)), np.complex128)
-        areas = []
         slices = [_columns(w, x, lx, surface.periodic) for w in group]
         size = scipy.fft.next_fast_len(int(OVERSAMPLING_X * max(len(c) for c, _ in slices)) + 1)
-        for r, target in enumerate(targets):
-            spectra = []
-            for w, (column, t) in zip(group, slices):
-                gx = w.profile(t, w.half[1])
-                # positions in cells of the frequency grid; dividing out the kernel's transform
-                weight = gx * (lx / n) / x_kernel.transform(2 * np.pi * t / (lx / n) / size)
-                spectra.append(scipy.fft.fft(spectrum[r][:, column] * weight, size, axis=1, workers=-1))
-            S[:, target] = _interpolate(spectra, q[target], [t[0] for _, t in slices], lx / n, size, x_kernel, band)
-        for w, (_, t) in zip(group, slices):
-            areas.append(area_y * float(np.sum(w.profile(t, w.half[1]) ** 2)) * lx / n)
+        profiles = [w.profile(t, w.half[1]) for w, (_, t) in zip(group, slices)]
+        # positions in cells of the frequency grid; dividing out the kernel's transform
+        weights = [
+            gx * (lx / n) / x_kernel.transform(2 * np.pi * t / (lx / n) / size) for gx, (_, t) in zip(profiles, slices)
+        ]
+        at_once = max(1, int(MEMORY / (16 * band.count * n)))
+        for first in range(0, len(levels), at_once):
+            spectrum = _sum_over_y(z, along[first : first + at_once], band)
+            for r in range(first, min(first + at_once, len(levels))):
+                spectra = [
+                    scipy.fft.fft(spectrum[r - first][:, column] * weight, size, axis=1, workers=-1)
+                    for weight, (column, _) in zip(weights, slices)
+                ]
+                some = q[targets[r]]
+                S[:, targets[r]] = _interpolate(spectra, some, [t[0] for _, t in slices], lx / n, size, x_kernel, band)
+        area_y = float(np.sum(g**2)) / (2 * half / rows)
+        areas = [area_y * float(np.sum(gx**2)) * lx / n for gx in profiles]
         turn = np.exp(-1j * q[:, 2] * middle)
         for s, area in zip(S, areas):
             yield s * turn, area
-
-
-@dataclass(frozen=True)
-class Band:
-    """Uniform q_l = start + l·step, l < count, that cover the q_z asked for with the kernel's margin."""
-
-    start: float
-    step: float
-    count: int
-    kernel: Kernel
-
-    @staticmethod
-    def of(qz: Floats, reach: float, tol: float) -> Band:
-        """reach : largest |z| from the middle, µm"""
-        kernel = Kernel.of(tol, OVERSAMPLING_Z)
-        step = np.pi / (OVERSAMPLING_Z * reach)
-        margin = kernel.width // 2 + 1
-        start = float(qz.min()) - margin * step
-        return Band(start, step, int(np.ceil(np.ptp(qz) / step)) + 2 * margin + 1, kernel)
 
 
 def _sum_over_y(z: Floats, along: Complex, band: Band) -> Complex:
@@ -136,7 +91,7 @@ def _sum_over_y(z: Floats, along: Complex, band: Band) -> Complex:
 
     def block(a: int) -> None:
         part = z[:, a : a + COLUMNS]
-        wave = np.exp(-1j * band.start * part) / _smooth_transform(band, part)
+        wave = np.exp(-1j * band.start * part) / band.values(part)
         turn = np.exp(-1j * band.step * part)
         for l in range(band.count):
             out[:, l, a : a + COLUMNS] = along @ wave
@@ -146,16 +101,6 @@ def _sum_over_y(z: Floats, along: Complex, band: Band) -> Complex:
     with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(block, range(0, z.shape[1], COLUMNS)))
     return out
-
-
-def _smooth_transform(band: Band, z: Floats) -> Floats:
-    """ψ̂ at z: even and smooth, so a table with cubic interpolation does for millions of points."""
-    from scipy.interpolate import CubicSpline
-
-    top = max(float(np.abs(z).max()), 1e-12) * 1.0001
-    t = np.linspace(0, top, 2048)
-    table = CubicSpline(t, band.kernel.transform(t * band.step), bc_type=((1, 0.0), "not-a-knot"))
-    return table(np.abs(z))
 
 
 def _columns(w: Window, x: Floats, length: float, periodic: bool) -> tuple[NDArray[np.int64], Floats]:
