@@ -59,35 +59,38 @@ class Scene:
             )
         return area
 
-    def starts(self, area: Area, n: int, rng: np.random.Generator) -> Floats:
-        """(n, 3) start positions at the top of the mesh, two in each cell of a grid, side by side in the list."""
-        position = np.empty((n, 3))
-        position[:, :2] = stratified(area, n, rng)
-        position[:, 2] = self.mesh.z_range[1]
-        return position
-
     def paths(self, incoming: Incoming, i: int, n: int, rng: np.random.Generator, max_bounces: int) -> Paths:
         """Trace n rays of incidence i: starts stratified over the area, directions over the source's cone."""
-        position = self.starts(self.required_area(incoming, i), n, rng)
+        position = Starts(self.required_area(incoming, i), self.mesh.z_range[1], n).draw(rng)
         direction, s = rays_of_source(incoming, i, n, rng)
         return trace(self.mesh, self.tracer, position, direction, s, max_bounces)
 
 
-def stratified(area: Area, n: int, rng: np.random.Generator) -> Floats:
-    """(n, 2) points: two in each cell of a grid over (x0, x1, y0, y1), row by row; the remainder anywhere."""
-    x0, x1, y0, y1 = area
-    cells = max(n // 2, 1)
-    nx = int(np.clip(np.ceil(np.sqrt(cells * (x1 - x0) / (y1 - y0))), 1, cells))
-    ny = cells // nx
-    pairs = 2 * nx * ny if n > 1 else 0
-    unit = rng.random((n, 2))
-    grid = unit[:pairs].reshape(ny, nx, 2, 2) if pairs else unit[:0].reshape(0, nx, 2, 2)
-    grid[..., 0] += np.arange(nx)[:, None]
-    grid[..., 1] += np.arange(len(grid))[:, None, None]
-    grid /= (nx, ny)
-    unit *= (x1 - x0, y1 - y0)
-    unit += (x0, y0)
-    return unit
+class Starts:
+    """n start positions at the height `top`: two in each cell of a grid over the area, row by row, the two of a cell
+    side by side in the list; what does not fill a grid lies anywhere."""
+
+    def __init__(self, area: Area, top: float, n: int) -> None:
+        x0, x1, y0, y1 = area
+        cells = max(n // 2, 1)
+        nx = int(np.clip(np.ceil(np.sqrt(cells * (x1 - x0) / (y1 - y0))), 1, cells))
+        ny = cells // nx if n > 1 else 0
+        self.pairs = 2 * nx * ny
+        self.size, self.cell = (x1 - x0, y1 - y0), ((x1 - x0) / nx, (y1 - y0) / max(ny, 1))
+        self.corner = np.empty((n, 3))
+        self.corner[:] = (x0, y0, top)
+        grid = self.corner[: self.pairs].reshape(ny, nx, 2, 3)
+        grid[..., 0] += self.cell[0] * np.arange(nx)[:, None]
+        grid[..., 1] += self.cell[1] * np.arange(ny)[:, None, None]
+
+    def draw(self, rng: np.random.Generator) -> Floats:
+        """(n, 3) positions."""
+        position = self.corner.copy()
+        for axis in (0, 1):
+            unit = rng.random(len(position))
+            position[: self.pairs, axis] += self.cell[axis] * unit[: self.pairs]
+            position[self.pairs :, axis] += self.size[axis] * unit[self.pairs :]
+        return position
 
 
 def rays_of_source(incoming: Incoming, i: int, n: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
@@ -116,6 +119,14 @@ class ParallelBeam:
         self.area = scene.required_area(incoming, i)
         self.facets = len(scene.mesh.faces)
         self._fates: NDArray[np.uint8] | None = None
+        self._starts: dict[int, Starts] = {}
+
+    def starts(self, n: int, rng: np.random.Generator) -> Floats:
+        """(n, 3) start positions; the grid of a batch's size is kept."""
+        starts = self._starts.get(n)
+        if starts is None:
+            starts = self._starts[n] = Starts(self.area, self.scene.mesh.z_range[1], n)
+        return starts.draw(rng)
 
     def reflected(self, facet: NDArray) -> tuple[Floats, Floats, Floats]:
         """Normals (n, 3), directions after the reflection (n, 3) and cosines of incidence (n,) of facets (n,)."""

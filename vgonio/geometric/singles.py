@@ -47,7 +47,7 @@ class Counts:
 def count_batch(beam: ParallelBeam, counts: Counts, n: int, rng: np.random.Generator, max_bounces: int) -> Paths | None:
     """Cast n rays, count the single reflections; the paths of two and more reflections, None where there are none."""
     mesh, tracer = beam.scene.mesh, beam.scene.tracer
-    position = beam.scene.starts(beam.area, n, rng)
+    position = beam.starts(n, rng)
     direction = np.broadcast_to(beam.direction, position.shape)
     first = np.asarray(tracer.facet(position, direction), np.int32)
     again = np.flatnonzero(first < 0)
@@ -62,7 +62,7 @@ def count_batch(beam: ParallelBeam, counts: Counts, n: int, rng: np.random.Gener
         facet = first[check].astype(np.int64)
         _, point = meet(mesh, facet, position[check], direction[check])
         normal, away, _ = beam.reflected(facet)
-        second, beyond, escaped = next_facet(mesh, tracer, point + mesh.lift * normal, away)
+        second, beyond, escaped = next_facet(mesh, tracer, point + mesh.lift * normal, away, may_be_free=False)
         single[check[escaped]] = True
         go = (second >= 0) & (max_bounces > 1)
         lost = facet[~escaped & ~go]

@@ -106,50 +106,74 @@ def _next_frame(direction: Floats, normal: Floats, s: Floats) -> tuple[Floats, F
     return new, cos * cos - sin * sin, 2 * sin * cos
 
 
-def next_facet(mesh: Mesh, tracer: Tracer, position: Floats, direction: Floats) -> Step:
+def next_facet(mesh: Mesh, tracer: Tracer, position: Floats, direction: Floats, may_be_free: bool = True) -> Step:
     """First facet (−1: none), the point on it, and whether the ray escaped upward, over as many periods as it takes.
 
-    Rays that the steepest facet can no longer stop are not cast at all.
+    Rays that the steepest facet can no longer stop are not cast at all (`may_be_free`: unless that is known).
     """
     n = len(position)
     facet = np.full(n, -1, np.int64)
-    point = position.copy()
-    bottom, top = mesh.z_range
-    box = np.array(mesh.box).reshape(2, 2)
-    if mesh.period is not None:
-        # a hit in the overlap belongs to the other side
-        size = box[:, 1] - box[:, 0]
-        point[:, :2] -= size * np.floor((point[:, :2] - box[:, 0]) / size)
-    escaped = ((position[:, 2] >= top) & (direction[:, 2] > 0)) | mesh.unstoppable(direction)
+    point = _in_the_box(mesh, position)
+    top = mesh.z_range[1]
+    escaped = (position[:, 2] >= top) & (direction[:, 2] > 0)
+    if may_be_free:
+        escaped |= mesh.unstoppable(direction)
     todo = np.flatnonzero(~escaped)
     for _ in range(MAX_WRAPS):
         if len(todo) == 0:
             break
-        p, d = point[todo], direction[todo]
+        p, d = (point, direction) if len(todo) == n else (point[todo], direction[todo])
         found = tracer.facet(p, d)
         hit = np.flatnonzero(found >= 0)
         ok, where = meet(mesh, found[hit].astype(np.int64), p[hit], d[hit])
         point[todo[hit[ok]]] = where[ok]
         facet[todo[hit[ok]]] = found[hit[ok]]
         miss = np.flatnonzero(found < 0)
-        todo, p, d = todo[miss], p[miss], d[miss]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            to_top = np.where(d[:, 2] > 0, (top - p[:, 2]) / d[:, 2], np.inf)
-            wall = np.where(d[:, :2] > 0, box[:, 1], box[:, 0])
-            to_side = np.where(d[:, :2] != 0, (wall - p[:, :2]) / d[:, :2], np.inf)
-        axis = np.argmin(to_side, axis=1)
-        side = np.maximum(to_side[np.arange(len(todo)), axis], 0.0)
-        escaped[todo[to_top <= side]] = True
-        # finite: the others are lost; periodic: they come back on the other side unless they are below everything
-        stay = to_top > side
+        out = _leaves_through_the_top(mesh, p[miss], d[miss])
+        escaped[todo[miss[out]]] = True
+        todo = todo[miss[~out]]
         if mesh.period is None:
-            break
-        stay &= np.isfinite(side) & (p[:, 2] + side * d[:, 2] >= bottom - 1e-6 * (top - bottom) - 1e-9)
-        todo, p, d, axis, side = todo[stay], p[stay], d[stay], axis[stay], side[stay]
-        p = p + side[:, None] * d
-        p[np.arange(len(todo)), axis] = np.where(d[np.arange(len(todo)), axis] > 0, box[axis, 0], box[axis, 1])
-        point[todo] = p
+            break  # lost through the sides
+        stay, back = _beyond_the_border(mesh, point[todo], direction[todo])
+        todo = todo[stay]
+        point[todo] = back[stay]
     return facet, point, escaped
+
+
+def _in_the_box(mesh: Mesh, position: Floats) -> Floats:
+    """A copy of positions (n, 3): a point in the overlap of a periodic mesh belongs to the other side."""
+    point = position.copy()
+    if mesh.period is not None:
+        for axis in (0, 1):
+            low, high = mesh.box[2 * axis : 2 * axis + 2]
+            across = point[:, axis]
+            off = np.flatnonzero((across < low) | (across >= high))
+            across[off] -= (high - low) * np.floor((across[off] - low) / (high - low))
+    return point
+
+
+def _leaves_through_the_top(mesh: Mesh, p: Floats, d: Floats) -> NDArray[np.bool_]:
+    """(n,) whether rays from p along d that meet nothing in the box reach its top before its sides."""
+    x0, x1, y0, y1 = mesh.box
+    up = d[:, 2] > 0
+    t = np.maximum(mesh.z_range[1] - p[:, 2], 0) / np.where(up, d[:, 2], 1.0)
+    x, y = p[:, 0] + t * d[:, 0], p[:, 1] + t * d[:, 1]
+    return up & (x >= x0) & (x <= x1) & (y >= y0) & (y <= y1)
+
+
+def _beyond_the_border(mesh: Mesh, p: Floats, d: Floats) -> tuple[NDArray[np.bool_], Floats]:
+    """Rays that leave a period through its sides come back on the other one, unless they are below everything."""
+    box = np.array(mesh.box).reshape(2, 2)
+    bottom, top = mesh.z_range
+    with np.errstate(divide="ignore", invalid="ignore"):
+        wall = np.where(d[:, :2] > 0, box[:, 1], box[:, 0])
+        to_side = np.where(d[:, :2] != 0, (wall - p[:, :2]) / d[:, :2], np.inf)
+    axis = np.argmin(to_side, axis=1)
+    row = np.arange(len(p))
+    side = np.maximum(to_side[row, axis], 0.0)
+    back = p + np.where(np.isfinite(side), side, 0.0)[:, None] * d
+    back[row, axis] = np.where(d[row, axis] > 0, box[axis, 0], box[axis, 1])
+    return np.isfinite(side) & (back[:, 2] >= bottom - 1e-6 * (top - bottom) - 1e-9), back
 
 
 def meet(mesh: Mesh, facet: Ints, position: Floats, direction: Floats) -> tuple[NDArray[np.bool_], Floats]:
