@@ -12,6 +12,7 @@ from .fourier import sample
 from .quadrature import Floats, Points, axis_rule
 
 REACH = 3.0  # a window ends at 3 ℓ, where the amplitude is 1 %; that is taken off, so that it ends at zero
+TRIAL_UM = 100.0  # side of the part of a whole sample on which the spacing of points is tried
 SPACING = 2.0  # of window centres, in ℓ: neighbours then share 14 % of their intensity
 
 
@@ -125,6 +126,14 @@ class WindowPlan:
                 f"it ends at ±{min(windows[0].half):g} µm"
             )
         return WindowPlan(list(windows), n, 1.0 / length, attrs)
+
+    def trial(self, surface: Heightfield) -> tuple[Heightfield, Window | None]:
+        """A surface and a window of it on which the spacing is tried: the central ones, no larger than TRIAL_UM."""
+        window = self.windows[len(self.windows) // 2]
+        sides = np.minimum(surface.size_um, TRIAL_UM)
+        if window is not None or surface.is_profile or np.array_equal(sides, surface.size_um):
+            return surface, window
+        return surface.cropped(np.maximum(sides, 4 * np.array(surface.pitch_um))), None
 
     def points(
         self, surface: Heightfield, window: Window | None, spacing: tuple[float, ...], rule: str

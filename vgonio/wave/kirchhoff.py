@@ -197,13 +197,13 @@ class Kirchhoff:
         error of brdf in the central window. (Where all directions are weak, the transform has to be tighter.)"""
         per_cycle = {"uniform": 1.0, "gauss": 2.2, "cells": 1.0}[rule] + 0.15 * -np.log10(self.tol)
         spacing = 2 * np.pi / np.maximum(rates(surface, job.q), 1e-9) / per_cycle
-        window = plan.windows[len(plan.windows) // 2]
+        part, window = plan.trial(surface)
         some = _checked(job)
         eps, error, size = self.tol / 30, 0.0, 0
         for _ in range(6):
-            grid, area = plan.points(surface, window, tuple(spacing), rule)
-            size = grid.size
-            fine, fine_area = plan.points(surface, window, tuple(spacing / 1.5), rule)
+            grid, area = plan.points(part, window, tuple(spacing), rule)
+            size = round(grid.size * surface.area_um2 / part.area_um2)
+            fine, fine_area = plan.points(part, window, tuple(spacing / 1.5), rule)
             q, other = job.q[some], check_method(method, fine, job.q[some], self.tol)
             f = job.factor[some] * np.abs(apply(method, grid, q, eps, azimuth)) ** 2 / area
             g = job.factor[some] * np.abs(apply(other, fine, q, eps / 5, azimuth)) ** 2 / fine_area

@@ -7,6 +7,7 @@ Vectors all over the hemisphere go through a three-dimensional transform, split 
 
 from __future__ import annotations
 
+import itertools
 import os
 
 import numpy as np
@@ -16,6 +17,7 @@ from ..errors import BackendError
 from . import planes
 from .quadrature import Complex, Floats, Points
 
+STRIP = 4_000_000  # points of one transform: more are cut into strips along y, since the sum is a sum over strips
 MEMORY = 1.5e9  # bytes that one transform's grid may take
 ROW_LIMIT = 64  # more rows than this are better served by the three-dimensional transform
 EPS_FLOOR = 1e-14
@@ -27,6 +29,14 @@ def transform(points: Points, q: Floats, tol: float, azimuth: float | None = Non
     azimuth : of the direction u along which rows run, radians; found from q where it is None, and rows are then
     used only where they are few
     """
+    if points.size > STRIP and len(points.y) > 1:
+        count = -(-points.size // STRIP)
+        bounds = np.linspace(0, len(points.y), count + 1).astype(int)
+        azimuth = common_azimuth(q) if azimuth is None and rows(q) <= ROW_LIMIT else azimuth
+        total = np.zeros(len(q), np.complex128)
+        for a, b in itertools.pairwise(bounds):
+            total += transform(points.strip(a, b), q, tol, azimuth)
+        return total
     given = azimuth is not None
     azimuth = common_azimuth(q) if azimuth is None else azimuth
     across = -np.sin(azimuth) * q[:, 0] + np.cos(azimuth) * q[:, 1]

@@ -8,7 +8,7 @@ the cell, exact for "nearest".
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -40,6 +40,10 @@ class Points:
     @property
     def size(self) -> int:
         return self.z.size
+
+    def strip(self, first: int, last: int) -> Points:
+        """The rows first … last − 1."""
+        return replace(self, y=self.y[first:last], z=self.z[first:last], weight=self.weight[first:last])
 
     def factor(self, q: Floats) -> NDArray:
         """(m,) closed form of the integral over one cell, divided by its area, times what stands for the y integral."""
