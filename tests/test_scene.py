@@ -131,7 +131,6 @@ def test_an_unknown_key_comes_before_all_other_mistakes_and_the_rest_is_counted(
         "wave.bounces=2",
         "wave.window_um=20",
         "wave.polarised=true",
-        "geometric.polarised=true",
         "geometric.tracer=warp",
     ],
 )
@@ -141,7 +140,7 @@ def test_what_this_version_lacks_is_refused_and_not_dropped(override):
 
 
 def test_settings_that_change_nothing_are_accepted():
-    load_scene(minimal(), ["wave.shadowing=false", "wave.bounces=1", "geometric.polarised=false"])
+    load_scene(minimal(), ["wave.shadowing=false", "wave.bounces=1", "geometric.polarised=true"])
 
 
 @pytest.mark.parametrize("table", ["surface", "material", "light", "detector"])
@@ -252,7 +251,7 @@ def test_the_template_with_everything_commented_in_names_every_key():
     """Every key of every table stands in the template, so that `vgonio init` documents all there is."""
     template = _template()
     known = {key for table in TABLES.values() for key in table.model_fields} | set(Scene.model_fields)
-    later = {"shadowing", "bounces", "window_um", "polarised"}
+    later = {"shadowing", "bounces", "window_um"}
     absent = {key for key in known - later if key not in template}
     assert absent == set()
 

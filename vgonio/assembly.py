@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from .errors import InputError
-from .materials import Material, material
+from .materials import Material, stack
 from .scene import Scene
 
 if TYPE_CHECKING:
@@ -80,7 +80,11 @@ def prepared_surface(scene: Scene, source: Heightfield | None = None) -> Heightf
 def scene_material(scene: Scene) -> Material:
     """The material, checked against the scene's wavelengths; MaterialError outside its table."""
     asked = _required(scene.material, "material")
-    made = material(asked.name if asked.name is not None else scene.resolve(asked.file or ""))
+
+    def named(table: Any) -> Any:
+        return table.name if table.name is not None else scene.resolve(table.file or "")
+
+    made = stack([(named(film), film.thickness_nm) for film in asked.film], on=named(asked))
     if scene.light is not None:
         made.check(scene.light.wavelength_nm)
     return made
@@ -120,6 +124,7 @@ def rays(scene: Scene, progress: Progress | None = None) -> Any:
         seed=asked.seed,
         tol=asked.tol,
         tracer=asked.tracer,
+        polarised=asked.polarised,
         threads=_threads(),
         progress=progress,
         **given,

@@ -42,7 +42,7 @@ def _line(e: Any) -> str:
 
 
 def _unknown(loc: tuple[int | str, ...]) -> str:
-    *tables, key = (str(p) for p in loc)
+    *tables, key = (str(p) for p in loc if isinstance(p, str))  # a position in a list is not a name
     model = TABLES[".".join(tables)] if tables else Scene
     where = f"in [{'.'.join(tables)}]" if tables else "at the top of the scene"
     owners = [name for name, table in TABLES.items() if key in table.model_fields and name != ".".join(tables)]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -85,15 +86,38 @@ class Surface(Table):
         return self
 
 
+class Film(Table):
+    """A layer on the material."""
+
+    name: str | None = None
+    file: str | None = None
+    thickness_nm: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Film:
+        one_material(self.name, self.file)
+        return self
+
+
 class Material(Table):
     name: str | None = None
     file: str | None = None
+    film: list[Film] = []  # from the outside in; a single one may stand without the brackets
+
+    @field_validator("film", mode="before")
+    @classmethod
+    def _list(cls, value: Any) -> Any:
+        return [value] if isinstance(value, Mapping) else value
 
     @model_validator(mode="after")
     def _one_source(self) -> Material:
-        if (self.name is None) == (self.file is None):
-            raise InputError('give either name (for example "Al") or file (a refractiveindex.info YAML or CSV)')
+        one_material(self.name, self.file)
         return self
+
+
+def one_material(name: str | None, file: str | None) -> None:
+    if (name is None) == (file is None):
+        raise InputError('give either name (for example "Al") or file (a refractiveindex.info YAML or CSV)')
 
 
 class Light(Table):
@@ -143,11 +167,10 @@ class Geometric(Table):
     max_bounces: Count | None = None
     tracer: str = "embree"
     seed: Annotated[int, Field(ge=0)] = 0
-    polarised: Later = False
+    polarised: bool = False
 
     @model_validator(mode="after")
     def _offered(self) -> Geometric:
-        self.refuse(self.polarised, "polarised")
         if self.tracer != "embree":
             raise InputError(f"{not_offered(f'tracer {self.tracer!r}')}; offered: 'embree'")
         return self
@@ -229,7 +252,8 @@ class Scene(Table):
     @property
     def inputs(self) -> list[Path]:
         """Files that the scene reads."""
-        named = [t.file for t in (self.surface, self.material, self.measured) if t is not None and t.file is not None]
+        tables = [self.surface, self.material, *(self.material.film if self.material else []), self.measured]
+        named = [t.file for t in tables if t is not None and t.file is not None]
         return [self.resolve(f) for f in named]
 
     def to_dict(self) -> dict[str, Any]:
@@ -244,6 +268,7 @@ TABLES: dict[str, type[Table]] = {
     "surface": Surface,
     "surface.filter": Filter,
     "material": Material,
+    "material.film": Film,
     "light": Light,
     "detector": Detector,
     "geometric": Geometric,

