@@ -124,10 +124,24 @@ def versions() -> str:
 
 
 def check(data: xr.Dataset, what: str = "result") -> xr.Dataset:
-    """Raise FileFormatError unless `data` looks like one of our results."""
-    if "brdf" not in data or not {"theta_i", "wavelength"} <= set(data["brdf"].dims):
+    """Raise FileFormatError unless `data` is one of our results: numbers over angles and wavelengths, none twice."""
+    dims = data["brdf"].dims if "brdf" in data else ()
+    if not {"theta_i", "wavelength"} <= set(dims) or not {"theta_o", "cell"} & set(dims):
         raise FileFormatError(
             f"{what} holds no BRDF of vgonio: a variable 'brdf' over theta_i, theta_o (or cell) and wavelength is "
             f"needed, found {sorted(map(str, data.variables)) or 'nothing'}"
         )
+    if data["brdf"].dtype.kind not in "fiu" or data["brdf"].size == 0 or np.isinf(data["brdf"].values).any():
+        raise FileFormatError(f"{what}: 'brdf' holds no values, infinite ones, or something that is no number")
+    for name in [d for d in ("theta_i", "theta_o", "wavelength") if d in dims]:
+        values = data[name].values if name in data.coords else np.zeros(0)
+        if values.size == 0 or values.dtype.kind not in "fiu" or not np.isfinite(values).all():
+            raise FileFormatError(f"{what}: the coordinate {name!r} of 'brdf' is missing or holds no finite numbers")
+        if np.unique(values).size < values.size:
+            raise FileFormatError(f"{what}: the coordinate {name!r} of 'brdf' holds a value twice")
     return data
+
+
+def ascending(data: xr.Dataset) -> xr.Dataset:
+    """Sorted by every angle and by wavelength."""
+    return data.sortby([d for d in ("theta_i", "theta_o", "wavelength") if d in data["brdf"].dims])

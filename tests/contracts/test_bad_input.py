@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import vgonio as vg
 from vgonio.cli import main
@@ -262,14 +263,10 @@ def test_a_scene_with_a_byte_order_mark(folder):
 
 # ---- results
 def _another_programs_netcdf(path: Path) -> None:
-    import xarray as xr
-
     xr.Dataset({"temperature": ("x", [1.0, 2.0])}).to_netcdf(path, engine="h5netcdf")
 
 
 def _newer_result(path: Path) -> None:
-    import xarray as xr
-
     data = xr.Dataset(attrs={"format": "vgonio result", "format_version": 99})
     data.to_netcdf(path, engine="h5netcdf")
 
@@ -289,6 +286,65 @@ def test_a_result_file_of_another_program(refused, folder, write, words):
     write(folder / "other.nc")
     assert words in refused("report", "other.nc", "-o", "page.html")
     assert words in refused("compare", "other.nc", "other.nc")
+
+
+@pytest.fixture
+def result(folder) -> xr.DataTree:
+    """A small result, in memory and as result.nc."""
+    return vg.simulate("scene.toml")
+
+
+def test_a_result_with_flipped_bytes(folder, result, capfd):
+    """Either still readable, or one line: nothing of what the libraries complain about on their own."""
+    content = (folder / "result.nc").read_bytes()
+    random = np.random.default_rng(0)
+    for _ in range(12):
+        damaged = bytearray(content)
+        for i in random.integers(0, 4000, 20):
+            damaged[i] ^= 255
+        (folder / "damaged.nc").write_bytes(damaged)
+        assert main(["report", "damaged.nc", "-o", "damaged.html"]) in (0, 2)
+        assert capfd.readouterr().err.count("\n") <= 1
+
+
+_SPOILT: dict[str, Callable[[xr.Dataset], xr.Dataset]] = {
+    "other dims": lambda d: d.rename(theta_o="detector"),
+    "no detector": lambda d: d.isel(theta_o=0),
+    "no coordinates": lambda d: d.drop_vars(["theta_i", "wavelength"]),
+    "coordinates of nan": lambda d: d.assign_coords(theta_i=d["theta_i"] * np.nan),
+    "an angle twice": lambda d: d.isel(theta_i=[0, 0]),
+    "nothing": lambda d: d.isel(theta_i=[]),
+    "text": lambda d: d.assign(brdf=(d["brdf"].dims, np.full(d["brdf"].shape, "a"))),
+    "complex": lambda d: d.assign(brdf=d["brdf"] + 0j),
+    "infinite": lambda d: d.assign(brdf=d["brdf"] + np.inf),
+}
+
+
+@pytest.mark.parametrize("spoil", _SPOILT.values(), ids=_SPOILT)
+def test_a_spoilt_result(refused, folder, result, spoil):
+    result["rays"] = xr.DataTree(spoil(result["rays"].to_dataset()))
+    vg.save(result, folder / "spoilt.nc")
+    for command in ("report", "spoilt.nc"), ("compare", "spoilt.nc", "spoilt.nc"):
+        assert "spoilt.nc, group /rays" in refused(*command)
+
+
+@pytest.mark.parametrize("version", ["x", [1, 2], -1, 1.5])
+def test_a_format_version_that_is_none(refused, folder, version):
+    attrs = {"format": "vgonio result", "format_version": version}
+    xr.Dataset(attrs=attrs).to_netcdf(folder / "odd.nc", engine="h5netcdf")
+    assert "format version" in refused("report", "odd.nc")
+
+
+def test_a_scene_may_list_its_values_in_any_order(folder):
+    shuffled = ["light.theta_i_deg=[30, 0, 10]", "detector.theta_o_deg=[9, -30, 0]"]
+    shuffled += ["light.wavelength_nm=[500, 450, 600, 550]"]
+    assert main(["simulate", "scene.toml", "--quiet", *(x for text in shuffled for x in ("--set", text))]) == 0
+    tree = vg.open("result.nc")
+    found = vg.compare.compare(tree, material="Al")
+    ordered = {n: tree[n].to_dataset().sortby(["theta_i", "theta_o", "wavelength"]) for n in ("rays", "waves")}
+    for name in ("nrmse_spectral", "slope"):
+        np.testing.assert_array_equal(found[name], vg.compare.compare(ordered, material="Al")[name])
+    assert np.isfinite(found["nrmse_spectral"]).all()
 
 
 def test_a_folder_in_place_of_a_result(refused):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..dataset import check, label
+from ..dataset import ascending, check, label
 from ..errors import InputError, VgonioError, nearest
 from ..materials import Material
 from ..models.clausen_2022 import WAVELENGTH_N_NM
@@ -75,7 +75,7 @@ def _datasets(results: Mapping[str, xr.Dataset] | xr.DataTree) -> dict[str, xr.D
         results = {str(k): node.to_dataset() for k, node in results.children.items() if "brdf" in node.data_vars}
     if not results:
         raise InputError("nothing to compare: no result with a BRDF")
-    return {str(name): check(data, f"result {name!r}") for name, data in results.items()}
+    return {str(name): ascending(check(data, f"result {name!r}")) for name, data in results.items()}
 
 
 def _split(results: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:

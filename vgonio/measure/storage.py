@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import gc
 import os
+import sys
 import warnings
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 
-from ..dataset import plain
+from ..dataset import check, plain
 from ..errors import FileFormatError
 
 FORMAT = "vgonio result"
@@ -48,25 +50,41 @@ def save(result: xr.DataTree | xr.Dataset, path: str | os.PathLike[str]) -> Path
 
 
 def open(path: str | os.PathLike[str]) -> xr.DataTree:
-    """Read a result into memory; FileFormatError for a missing file or one of another program."""
+    """Read a result into memory; FileFormatError for a missing or damaged file, or one of another program."""
     path = Path(path)
     if not path.is_file():
         raise FileFormatError(f"no such result file: {path}")
     try:
         with xr.open_datatree(path, engine="h5netcdf") as tree:
             loaded = tree.load()
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as e:
-        raise FileFormatError(
-            f"{path} is not a NetCDF-4 file ({str(e).splitlines()[0] if str(e) else type(e).__name__})"
-        ) from None
+    except Exception as e:  # damaged HDF5 fails in as many ways as there are bytes
+        loaded, reason = None, str(e).splitlines()[0] if str(e) else type(e).__name__
+    if loaded is None:
+        _forget_open_file()
+        raise FileFormatError(f"{path} is not a NetCDF-4 file ({reason})")
     require_ours(loaded.attrs, path)
+    for node in loaded.subtree:
+        if "brdf" in node.data_vars:
+            check(node.to_dataset(), f"{path}, group {node.path}")
     return loaded
 
 
+def _forget_open_file() -> None:
+    """Let the half-open file of a failed reading go here, where its complaints about being closed can be silenced."""
+    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    try:
+        gc.collect()
+    finally:
+        sys.unraisablehook = hook
+
+
 def require_ours(attrs: dict[Any, Any], path: Path) -> None:
-    if attrs.get("format") != FORMAT:
+    if str(attrs.get("format")) != FORMAT:
         raise FileFormatError(f"{path} is a result of another program: its attribute 'format' is not {FORMAT!r}")
-    if int(attrs.get("format_version", 0)) > FORMAT_VERSION:
+    found = str(attrs.get("format_version", "none"))
+    if not found.isdecimal():
+        raise FileFormatError(f"{path} has format version {found}, a whole number is needed: the file is damaged")
+    if int(found) > FORMAT_VERSION:
         raise FileFormatError(
-            f"{path} has format version {attrs['format_version']}, this vgonio reads up to {FORMAT_VERSION}: upgrade it"
+            f"{path} has format version {found}, this vgonio reads up to {FORMAT_VERSION}: upgrade it"
         )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
+from ..dataset import ascending
 from ..errors import InputError
 from . import quantities as q
 from .style import (
@@ -59,7 +60,7 @@ def decomposition(rays: xr.Dataset, wavelength_nm: float | None = None) -> Figur
     Bins whose relative standard error exceeds a quarter are hatched, not drawn. Raises InputError for a hemisphere.
     """
     require_in_plane(rays)
-    rays = q.sort(rays)
+    rays = ascending(rays)
     shares, trusted = q.bounce_shares(q.near(rays, wavelength_nm))
     chosen = some(rays["theta_i"].values, MOST_PANELS)
     figure, axes = panels(len(chosen))
@@ -115,7 +116,7 @@ def lobes(results: Results, wavelength_nm: float | None = None, decades: float =
     """
     for data in results.values():
         require_in_plane(data)
-    shown = {name: q.near(q.sort(data), wavelength_nm) for name, data in results.items()}
+    shown = {name: q.near(ascending(data), wavelength_nm) for name, data in results.items()}
     chosen = some(next(iter(shown.values()))["theta_i"].values, MOST_PANELS)
     figure, axes = panels(len(chosen))
     colour = colours(list(shown))

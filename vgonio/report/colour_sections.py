@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import xarray as xr
 
+from ..dataset import ascending
 from ..errors import InputError
 from . import figures
 from . import quantities as q
@@ -130,7 +131,7 @@ def nearest_words(results: Mapping[str, xr.Dataset], theta_i: float) -> str:
     """Which result has no value in exact back-scattering and shows its neighbour instead."""
     words = ""
     for name, data in results.items():
-        one = q.incidence(q.sort(data), theta_i)
+        one = q.incidence(ascending(data), theta_i)
         here = None if one is None else q.direction(one, theta_i)
         if here is None:
             words += f" {q.title(name, data)}: nothing near back-scattering."

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from ..dataset import ascending
+
 TOO_FEW = 0.25  # relative standard error of a bin above which its split is not drawn: fewer than about 16 rays
 NAMES = {"rays": "Rays", "waves": "Waves", "measured": "Measured"}
 THEORIES = {
@@ -21,15 +23,7 @@ def results(tree: xr.DataTree) -> dict[str, xr.Dataset]:
     """The BRDF groups of a result by name: rays, waves, further `waves_…`, measured; those that are there."""
     found = {str(name): node.to_dataset() for name, node in tree.children.items() if "brdf" in node.data_vars}
     order = {"rays": 0, "waves": 1, "measured": 9}
-    return {name: sort(found[name]) for name in sorted(found, key=lambda n: (order.get(n, 5), n))}
-
-
-def sort(data: xr.Dataset) -> xr.Dataset:
-    """Ascending in every angle and in wavelength, as figures need it."""
-    for dim in ("theta_i", "theta_o", "wavelength"):
-        if dim in data["brdf"].dims:
-            data = data.sortby(dim)
-    return data
+    return {name: ascending(found[name]) for name in sorted(found, key=lambda n: (order.get(n, 5), n))}
 
 
 def title(name: str, data: xr.Dataset) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
+from ..dataset import ascending
 from . import quantities as q
 from .brdf_figures import MOST_PANELS, Results, legend_of_results
 from .style import INK, MUTED, angle, angle_axis, colours, directions_marked, edges, new_figure, panels, some, styled
@@ -36,7 +37,7 @@ def spectra(results: Results, theta_i: float = 40.0, back: float | None = None) 
     for column, (theta_o, side) in enumerate(((-theta_i, "forward, mirror direction"), (back, "back-scattering"))):
         top, bottom = grid[0][column], grid[1][column]
         for name, data in results.items():
-            here = q.incidence(q.sort(data), theta_i)
+            here = q.incidence(ascending(data), theta_i)
             here = None if here is None else q.direction(here, theta_o)
             if here is not None:
                 spectrum(top, here, colour[name], 1.0, name == "measured")
