@@ -1,0 +1,212 @@
+"""Rays: error against run time for each estimator and tracer, the work as a ratio to bare embreex, scaling.
+
+    python benchmarks/rays.py [--quick]
+
+All ratios compare runs next to each other on the same machine; seconds are processor time where other work on the
+machine would spoil them. The bare call is embreex' own `EmbreeScene.run` on the very arrays that the run cast, in the
+same order, in single precision already.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import resource
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+import vgonio as vg
+from vgonio.geometric.beam import ParallelBeam, Scene
+from vgonio.geometric.embree import Embree
+from vgonio.geometric.sampling import BATCH
+from vgonio.geometric.singles import Counts, count_batch
+from vgonio.geometric.tracers import TRACERS
+
+RMS, CORRELATION, PITCH = 1.0, 5.0, 0.625  # µm
+
+
+def rough(samples: int = 256) -> vg.surface.Heightfield:
+    return vg.surface.gaussian(rms_um=RMS, correlation_um=CORRELATION, shape=(samples, samples), pitch_um=PITCH, seed=0)
+
+
+def machine() -> str:
+    model = (
+        next(
+            (line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")),
+            platform.processor(),
+        )
+        if os.path.exists("/proc/cpuinfo")
+        else platform.processor()
+    )
+    return f"{model}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}, Python {platform.python_version()}"
+
+
+def timed(work: Callable[[], Any]) -> tuple[float, float, Any]:
+    """Seconds of the clock and of the processor, and what came out."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    out = work()
+    return time.perf_counter() - wall, time.process_time() - cpu, out
+
+
+class Recording(Embree):
+    """Embree that keeps what it was asked, and the processor time it took with the conversion to single precision."""
+
+    def __init__(self, mesh) -> None:
+        super().__init__(mesh)
+        self.asked: list[tuple[np.ndarray, np.ndarray]] = []
+        self.seconds = 0.0
+
+    def facet(self, position, direction):
+        start = time.thread_time()
+        found = super().facet(position, direction)
+        self.seconds += time.thread_time() - start
+        single = (position - self.origin).astype(np.float32), np.asarray(direction, np.float32).copy()
+        self.asked.append(single)
+        return found
+
+
+def intersections(rays: int, repeat: int = 3) -> dict[str, float]:
+    """Our intersection stage against bare embreex on the very same rays; the least of `repeat` runs."""
+    TRACERS["recording"] = Recording
+    scene = Scene.of(rough(), 1, "recording")
+    incoming = vg.measure.Gonioreflectometer.hemisphere(theta_i_deg=[30]).incoming
+    ours, bare = [], {1: [], 2: []}
+    for _ in range(repeat):
+        beam = ParallelBeam(scene, incoming, 0)
+        beam.fate(np.zeros(1, np.int64))
+        counts = Counts(beam.facets, rays)
+        scene.tracer.asked.clear()
+        scene.tracer.seconds = 0.0
+        sizes = [min(BATCH, rays)] * max(1, rays // BATCH)
+        for k, n in enumerate(sizes):
+            count_batch(beam, counts, n, np.random.default_rng(k), 100)
+        ours.append(scene.tracer.seconds)
+        for threads in bare:
+            with ThreadPoolExecutor(threads) as pool:
+                _, cpu, _ = timed(lambda: list(pool.map(lambda a: scene.tracer.scene.run(*a), scene.tracer.asked)))
+            bare[threads].append(cpu)
+    del TRACERS["recording"]
+    cast = sum(len(a) for a, _ in scene.tracer.asked)
+    return {"rays": sum(sizes), "casts": cast, "ours": min(ours), "bare 1": min(bare[1]), "bare 2": min(bare[2])}
+
+
+def case_of_the_issue(rays: int, wavelengths: int, threads: int) -> tuple[float, float]:
+    gonio = vg.measure.Gonioreflectometer.hemisphere(theta_i_deg=[30], resolution_deg=5)
+    solver = vg.geometric.RayOptics("Al", np.linspace(400, 700, wavelengths), rays=rays, threads=threads)
+    surface = rough()
+    wall, cpu, _ = timed(lambda: gonio.measure(surface, solver))
+    return wall, cpu
+
+
+def speed(rays: int) -> None:
+    case_of_the_issue(min(rays, 20_000), 4, 1)  # libraries are loaded
+    print("\nAgainst bare embreex (processor seconds; 256 × 256 Gaussian, Al, 30°, hemisphere of 5°)")
+    seen = intersections(min(rays, 1_000_000))
+    rate = seen["casts"] / seen["bare 1"] / 1e6
+    print(f"  {seen['rays']:,} rays, {seen['casts']:,} casts; bare {seen['bare 1']:.3f} s ({rate:.1f} M casts/s)")
+    print(f"  intersection stage / bare embreex       {seen['ours'] / seen['bare 1']:.2f}")
+    print(f"  bare embreex on two threads / on one    {seen['bare 2'] / seen['bare 1']:.2f}  (processor time)")
+    for threads in (1, 2):
+        for wavelengths in (4, 21, 31):
+            wall, cpu = min(case_of_the_issue(rays, wavelengths, threads) for _ in range(2))
+            ratio = cpu / (seen["bare 1"] * rays / seen["rays"])
+            memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+            print(
+                f"  {rays:,} rays, {wavelengths:2d} wavelengths, {threads} threads: {wall:.2f} s ({cpu:.2f} s of the "
+                f"processor, {ratio:.2f} × bare), peak {memory:.0f} MB"
+            )
+
+
+def narrow_detectors(rays: int) -> None:
+    """Variance × work of both estimators for 2° cones in the plane of incidence."""
+    print("\nNarrow detectors (2° cones, −60 … 60°): how many fewer rays and points for the same error")
+    surfaces = {
+        "sandblasted α = 0.3": vg.surface.sandblasted(seed=1),
+        "Gaussian α = 0.4": rough(),
+    }
+    for theta in (30, 65):
+        gonio = vg.measure.Gonioreflectometer([theta], range(-60, 61, 10), aperture_deg=2)
+        for name, surface in surfaces.items():
+            runs = {}
+            for estimator in ("binning", "facets"):
+                solver = vg.geometric.RayOptics("Al", [550], rays=rays, threads=1, estimator=estimator, edges="mirror")
+                runs[estimator] = timed(lambda: gonio.measure(surface, solver))[1:]  # noqa: B023
+            (slow, a), (fast, b) = runs["binning"], runs["facets"]
+            keep = ((a.brdf > 1e-3 * a.brdf.max()) & (a.brdf_stderr > 0)).values
+            work = (rays + int(b.attrs["facet_points"])) / rays
+            gain = np.sort((a.brdf_stderr.values[keep] / np.maximum(b.brdf_stderr.values[keep], 1e-9)) ** 2 / work)
+            shown = ["exact" if g > 1e9 else f"{g:.1f} ×" for g in (gain[0], gain[len(gain) // 2])]
+            print(
+                f"  θ_i = {theta}°, {name}: fewer rays by {shown[1]} (median), {shown[0]} (least); "
+                f"processor time {fast:.2f} s against {slow:.2f} s"
+            )
+
+
+def tolerances(cap: int) -> None:
+    print("\nTolerance asked, error stated, rays, points on facets, processor seconds (in plane, 2° cones)")
+    gonio = vg.measure.Gonioreflectometer([30], range(-60, 61, 10), aperture_deg=2)
+    for estimator in ("binning", "facets"):
+        for tol in (0.1, 0.03, 0.01):
+            solver = vg.geometric.RayOptics("Al", [550], rays=cap, tol=tol, threads=1, estimator=estimator)
+            _, cpu, data = timed(lambda: gonio.measure(rough(), solver))  # noqa: B023
+            print(
+                f"  {estimator:8s} {tol:5.2f} {data.attrs['error_achieved']:8.4f} {int(data.rays[0]):12,} "
+                f"{data.attrs['facet_points']:10,} {cpu:8.2f}"
+            )
+
+
+def scaling(rays: int, sizes: tuple[int, ...]) -> None:
+    print("\nScaling with triangles (one thread): build and trace, processor seconds")
+    for samples in sizes:
+        surface = rough(samples)
+        _, build, scene = timed(lambda: Scene.of(surface, 1, "embree"))  # noqa: B023
+        beam = ParallelBeam(scene, vg.measure.Gonioreflectometer([30], [0]).incoming, 0)
+        _, look, _ = timed(lambda: beam.fate(np.zeros(1, np.int64)))  # noqa: B023
+        counts = Counts(beam.facets, rays)
+        _, cpu, _ = timed(lambda: count_batch(beam, counts, rays, np.random.default_rng(0), 100))  # noqa: B023
+        print(
+            f"  {beam.facets:10,} triangles: build {build:.2f} s, facets' fates {look:.2f} s, "
+            f"{rays / cpu / 1e6:.2f} M rays/s"
+        )
+
+
+def tracers(rays: int) -> None:
+    print("\nTracers on the same rays, M casts/s of the clock, and how often the facet differs from embree's")
+    surface = rough(64)
+    rng = np.random.default_rng(0)
+    for name in TRACERS:
+        try:
+            scene = Scene.of(surface, 1, name)
+        except vg.VgonioError as e:
+            print(f"  {name}: left out, {e}")
+            continue
+        x0, x1, y0, y1 = scene.mesh.box
+        position = np.column_stack(
+            [rng.uniform(x0, x1, rays), rng.uniform(y0, y1, rays), np.full(rays, scene.mesh.z_range[1])]
+        )
+        direction = np.broadcast_to([0.5, 0.0, -np.sqrt(0.75)], position.shape)
+        scene.tracer.facet(position[:10], direction[:10])
+        reference = Embree(scene.mesh).facet(position, direction)
+        wall, _, found = timed(lambda: scene.tracer.facet(position, direction))  # noqa: B023
+        print(f"  {name:10s} {rays / wall / 1e6:8.3f}   {np.mean(found != reference):.1e}")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="few rays: only shows that it runs")
+    quick = parser.parse_args(arguments).quick
+    print(machine())
+    speed(30_000 if quick else 4_000_000)
+    narrow_detectors(20_000 if quick else 400_000)
+    tolerances(30_000 if quick else 10_000_000)
+    scaling(20_000 if quick else 500_000, (64,) if quick else (128, 256, 512, 1024))
+    tracers(2_000 if quick else 20_000)
+
+
+if __name__ == "__main__":
+    main()
