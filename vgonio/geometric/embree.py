@@ -31,4 +31,6 @@ class Embree:
         """(n,) index of the first facet hit, −1 for none."""
         if len(position) == 0:
             return np.zeros(0, np.int32)
-        return self.scene.run((position - self.origin).astype(np.float32), direction.astype(np.float32))
+        single = np.empty(position.shape, np.float32)
+        np.subtract(position, self.origin, out=single, casting="same_kind")
+        return self.scene.run(single, direction.astype(np.float32))

@@ -23,6 +23,7 @@ class FresnelTable:
         rs, rp = material.amplitudes(cos, np.asarray(wavelength_nm, float))
         s, p, cross = np.abs(rs) ** 2, np.abs(rp) ** 2, rs * rp.conj()
         self.table = np.stack([(s + p) / 2, (s - p) / 2, cross.real, cross.imag], axis=1)  # (nodes + 1, 4, w)
+        self.first_two = np.ascontiguousarray(self.table[:, :2])
 
     def position(self, cos_i: Floats) -> tuple[NDArray[np.int64], Floats]:
         """Node below and fraction towards the next."""
@@ -33,8 +34,13 @@ class FresnelTable:
     def elements(self, cos_i: Floats, count: int = 4) -> Floats:
         """(n, count, w): the first `count` of a, b, c, d at cos_i (n,)."""
         i, t = self.position(cos_i)
-        t = t[:, None, None]
-        return self.table[i, :count] * (1 - t) + self.table[i + 1, :count] * t
+        table = self.table if count > 2 else self.first_two
+        # whole rows: numpy gathers those fastest
+        below, above = np.take(table, i, axis=0), np.take(table, i + 1, axis=0)
+        above -= below
+        above *= t[:, None, None]
+        below += above
+        return below[:, :count]
 
     def summed(self, cos_i: Floats, weight: Floats | None, element: int) -> Floats:
         """(w,) Σ weight · element(cos_i): the rays are gathered on the table's nodes first, wavelengths come after."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .beam import CHUNK, FREE, OPEN, ParallelBeam
 from .tally import Tally
-from .trace import Paths, Step, meet, next_facet, trace
+from .trace import Paths, Step, next_facet, trace
 
 Floats = NDArray[np.float64]
 Sort = Callable[[Paths], Tally]
@@ -60,8 +60,11 @@ def count_batch(beam: ParallelBeam, counts: Counts, n: int, rng: np.random.Gener
     lost, paths = np.zeros(0, np.int64), None
     if len(check):
         facet = first[check].astype(np.int64)
-        _, point = meet(mesh, facet, position[check], direction[check])
-        normal, away, _ = beam.reflected(facet)
+        normal, offset = mesh.planes(facet)
+        cos_i = -(normal @ beam.direction)
+        start = position[check]
+        point = start + ((np.einsum("ij,ij->i", start, normal) - offset) / cos_i)[:, None] * beam.direction
+        away = beam.direction + (2 * cos_i)[:, None] * normal
         second, beyond, escaped = next_facet(mesh, tracer, point + mesh.lift * normal, away, may_be_free=False)
         single[check[escaped]] = True
         go = (second >= 0) & (max_bounces > 1)

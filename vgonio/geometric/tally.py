@@ -133,24 +133,26 @@ def _tally_multiple(
     """Paths of two and more reflections: the Stokes vector goes from hit to hit, per ray and wavelength."""
     weight = np.ones(len(paths.bounces)) if paths.weight is None else paths.weight
     variance = weight if paths.variance is None else paths.variance
-    row = np.full(len(paths.bounces), -1, np.int64)
     members = paths.hits[1].ray
+    row = np.full(len(paths.bounces), -1, np.int64)
     row[members] = np.arange(len(members))
     first = paths.hits[0]
     position = np.full(len(paths.bounces), -1, np.int64)
     position[first.ray] = np.arange(len(first.ray))
-    at = position[members]
-    m = table.elements(first.cos_i[at], 4)
-    q, u = STOKES_Q[polarisation] * first.cos_2psi[at, None], -STOKES_Q[polarisation] * first.sin_2psi[at, None]
-    # (rays, 4, wavelengths): I, Q, U, V
-    stokes = np.stack([m[:, 0] + m[:, 1] * q, m[:, 1] + m[:, 0] * q, m[:, 2] * u, -m[:, 3] * u], axis=1)
-    for hits in paths.hits[1:]:
-        at = row[hits.ray]
-        before = stokes[at]
-        after = mirror(turn(before, hits.cos_2psi, hits.sin_2psi), table.elements(hits.cos_i))
-        out.absorbed += weight[hits.ray] @ (before[:, 0] - after[:, 0])
-        stokes[at] = after
-    power = stokes[:, 0]
+    power = np.empty((len(members), table.table.shape[2]))
+    longer = np.ones(len(members), bool)
+    if polarisation == "unpolarised":
+        # most end with the second reflection, which depends on I and Q alone: a₁a₂ + b₁b₂ cos 2ψ
+        double = paths.bounces[members] == 2
+        second, at = paths.hits[1], position[members[double]]
+        m = table.elements(first.cos_i[at], 2)
+        before = m[:, 0].copy()
+        m *= table.elements(second.cos_i[double], 2)
+        m[:, 1] *= second.cos_2psi[double, None]
+        power[double] = m[:, 0] + m[:, 1]
+        out.absorbed += weight[members[double]] @ (before - power[double])
+        longer = ~double
+    power[longer] = _power_of_stokes(out, paths, table, polarisation, members[longer], position, weight)
     count = np.minimum(paths.bounces[members], kept) - 1
     gone = paths.escaped[members]
     for b in range(min(1, kept - 1), kept):
@@ -161,6 +163,33 @@ def _tally_multiple(
     for b in np.unique(bounce):
         use = ray[bounce == b]
         _catch(out, int(b), element[bounce == b], power[row[use]], weight[use], variance[use])
+
+
+def _power_of_stokes(
+    out: Tally,
+    paths: Paths,
+    table: FresnelTable,
+    polarisation: str,
+    members: NDArray,
+    position: NDArray,
+    weight: Floats,
+) -> Floats:
+    """(m, w) power of the rays `members` (m,) after their last reflection; what the later ones absorb goes to `out`."""
+    first, at = paths.hits[0], position[members]
+    m = table.elements(first.cos_i[at], 4)
+    q, u = STOKES_Q[polarisation] * first.cos_2psi[at, None], -STOKES_Q[polarisation] * first.sin_2psi[at, None]
+    # (rays, 4, wavelengths): I, Q, U, V
+    stokes = np.stack([m[:, 0] + m[:, 1] * q, m[:, 1] + m[:, 0] * q, m[:, 2] * u, -m[:, 3] * u], axis=1)
+    row = np.full(len(paths.bounces), -1, np.int64)
+    row[members] = np.arange(len(members))
+    for hits in paths.hits[1:]:
+        use = np.flatnonzero(row[hits.ray] >= 0)
+        at = row[hits.ray[use]]
+        before = stokes[at]
+        after = mirror(turn(before, hits.cos_2psi[use], hits.sin_2psi[use]), table.elements(hits.cos_i[use]))
+        out.absorbed += weight[hits.ray[use]] @ (before[:, 0] - after[:, 0])
+        stokes[at] = after
+    return stokes[:, 0]
 
 
 def _catch(out: Tally, bounce: int, element: NDArray, power: Floats, weight: Floats, variance: Floats) -> None:

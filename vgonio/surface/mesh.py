@@ -54,8 +54,9 @@ class Mesh:
 
     def _planes(self, facet: NDArray | slice) -> tuple[Floats, Floats]:
         a, b, c = self.corners(facet)
-        n = np.cross(b - a, c - a)
-        n /= np.linalg.norm(n, axis=1, keepdims=True)
+        u, v = (b - a).T, (c - a).T
+        n = np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]], axis=1)
+        n /= np.sqrt(np.einsum("ij,ij->i", n, n))[:, None]
         return n, np.einsum("ij,ij->i", n, a)
 
     @cached_property
@@ -67,7 +68,7 @@ class Mesh:
         if len(self.faces) > KEPT_FACETS:
             return self._planes(facet)
         normal, offset = self._all_planes
-        return normal[facet], offset[facet]
+        return np.take(normal, facet, axis=0), np.take(offset, facet)
 
     @cached_property
     def normals(self) -> Floats:
@@ -92,7 +93,8 @@ class Mesh:
         towards = np.stack([np.cos(azimuth), np.sin(azimuth)])
         steepest = np.full(AZIMUTHS, -np.inf)
         for start in range(0, len(self.faces), 1 << 18):
-            n, _ = self._planes(slice(start, start + (1 << 18)))
+            part = slice(start, start + (1 << 18))
+            n = self._planes(part)[0] if len(self.faces) > KEPT_FACETS else self.normals[part]
             wall = n[:, 2] <= 1e-9
             if wall.any():
                 faced = (-n[wall, :2] @ towards > 1e-9).any(axis=0)
