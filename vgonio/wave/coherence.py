@@ -9,7 +9,7 @@ import numpy as np
 
 from ..surface.heightfield import Heightfield
 from .fourier import sample
-from .quadrature import Floats, Points, axis_rule
+from .quadrature import Floats, Points, axis_rule, require_affordable
 
 REACH = 3.0  # a window ends at 3 ℓ, where the amplitude is 1 %; that is taken off, so that it ends at zero
 TRIAL_UM = 100.0  # side of the part of a whole sample on which the spacing of points is tried
@@ -61,6 +61,9 @@ def independent(windows: list[Window], surface: Heightfield) -> float:
 def patch(surface: Heightfield, window: Window, spacing: tuple[float, float], rule: str) -> tuple[Points, float]:
     """Points of one window, counted from its centre, and A_w = ∫ |w|² dx dy in µm²."""
     ip = surface.interpolant
+    if rule != "cells":
+        columns = 2 * window.half[1] / spacing[1]
+        require_affordable(1 if surface.is_profile else 2 * window.half[0] / spacing[0], columns)
     axes, profiles = [], []
     for axis, c, r, s in zip((ip.y_axis, ip.x_axis), window.centre, window.half, spacing):
         lo, hi = (c - r, c + r) if rule != "cells" else _whole_cells(c - r, c + r, axis.h, axis.n, surface.periodic)
@@ -125,7 +128,8 @@ class WindowPlan:
                 f"the sample is smaller than the window of ±{REACH * length:g} µm: "
                 f"it ends at ±{min(windows[0].half):g} µm"
             )
-        return WindowPlan(list(windows), n, 1.0 / length, attrs)
+        # a window that was cut to ±R resolves no more in q than one of ℓ = R/3
+        return WindowPlan(list(windows), n, REACH / max(windows[0].half), attrs)
 
     def trial(self, surface: Heightfield) -> tuple[Heightfield, Window | None]:
         """A surface and a window of it on which the spacing is tried: the central ones, no larger than TRIAL_UM."""

@@ -13,7 +13,7 @@ from ..errors import BackendError, InputError, VgonioWarning, nearest
 from ..surface.heightfield import Heightfield
 from ..surface.interpolant import Interpolant
 from . import nufft
-from .quadrature import Complex, Floats, Points, axis_rule, choose_rule, rates
+from .quadrature import Complex, Floats, Points, axis_rule, choose_rule, rates, require_affordable
 
 METHODS = ("auto", "nufft", "opencl", "reference")
 CHECKED = 48  # scattering vectors whose integral is computed again on a finer grid
@@ -104,6 +104,7 @@ def sample(surface: Heightfield, spacing: ArrayLike, rule: str, window: Interpol
     ip = surface.interpolant
     sy, sx = np.asarray(spacing, float)
     ly, lx = surface.size_um
+    require_affordable(1 if surface.is_profile and window is None else ly / sy, lx / sx)
     x, wx = axis_rule(ip.x_axis, 0.0, lx, sx, rule)
     cell = surface.pitch_um if rule == "cells" else (0.0, 0.0)
     if surface.is_profile and window is None:

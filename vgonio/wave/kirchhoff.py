@@ -198,9 +198,11 @@ class Kirchhoff:
         per_cycle = {"uniform": 1.0, "gauss": 2.2, "cells": 1.0}[rule] + 0.15 * -np.log10(self.tol)
         spacing = 2 * np.pi / np.maximum(rates(surface, job.q), 1e-9) / per_cycle
         part, window = plan.trial(surface)
+        if window is not None:
+            spacing = np.minimum(spacing, np.array(window.half) / 12)
         some = _checked(job)
         eps, error, size = self.tol / 30, 0.0, 0
-        for _ in range(6):
+        for _ in range(9):
             grid, area = plan.points(part, window, tuple(spacing), rule)
             size = round(grid.size * surface.area_um2 / part.area_um2)
             fine, fine_area = plan.points(part, window, tuple(spacing / 1.5), rule)

@@ -14,11 +14,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import ToleranceError
 from ..surface.heightfield import Heightfield
 from ..surface.interpolant import Axis
 
 Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+MOST_POINTS = 100_000_000  # of one grid: 1.6 GB with weights
 MAX_NODES = 24  # Gauss nodes of one panel; longer panels are divided
 
 
@@ -53,6 +55,15 @@ class Points:
             along_y = np.array([np.sum(weight * np.exp(-1j * level * y)) for level in levels])
             return along_y[index] * np.sinc(q[:, 0] * self.cell[1] / (2 * np.pi))
         return np.sinc(q[:, 1] * self.cell[0] / (2 * np.pi)) * np.sinc(q[:, 0] * self.cell[1] / (2 * np.pi))
+
+
+def require_affordable(rows: float, columns: float) -> None:
+    """Raise ToleranceError, before memory is asked for, where a grid of points would be out of all proportion."""
+    if rows * columns > MOST_POINTS:
+        raise ToleranceError(
+            f"the integral needs {rows * columns:.1e} points ({rows:.3g} × {columns:.3g}), at most {MOST_POINTS:.0e}: "
+            "take a smaller coherence_um or surface, a longer wavelength or a larger tol"
+        )
 
 
 @lru_cache(maxsize=64)
@@ -115,4 +126,6 @@ def choose_rule(surface: Heightfield, vanishes: bool, repeats: bool, tol: float 
     """
     if surface.interpolation == "nearest":
         return "cells"
-    return "uniform" if surface.interpolation == "cubic" and (vanishes or repeats) and tol >= 1e-7 else "gauss"
+    ip = surface.interpolant
+    smooth = 1 not in (ip.x_axis.degree, ip.y_axis.degree)  # a few samples alone are joined by straight lines
+    return "uniform" if smooth and (vanishes or repeats) and tol >= 1e-7 else "gauss"

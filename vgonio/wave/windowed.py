@@ -26,7 +26,7 @@ from threadpoolctl import threadpool_limits
 
 from ..surface.heightfield import Heightfield
 from .coherence import Window
-from .quadrature import Complex, Floats
+from .quadrature import Complex, Floats, require_affordable
 from .spreading import Band, Kernel
 
 OVERSAMPLING_X = 2.0
@@ -57,6 +57,7 @@ def sums(
         rows = max(2, int(np.ceil(2 * half / spacing[0])))
         y = (np.arange(rows) + 0.5) * 2 * half / rows - half
         g = group[0].profile(y, half) * (2 * half / rows)
+        require_affordable(rows, n)
         along = (np.exp(-1j * np.outer(levels, y)) * g).astype(np.complex128)
         z = ip.grid(y + y_c, x) - middle
         band = Band.of(q[:, 2], float(np.abs(z).max()) * 1.001 + 1e-9, tol)
