@@ -131,7 +131,6 @@ def test_an_unknown_key_comes_before_all_other_mistakes_and_the_rest_is_counted(
         "wave.bounces=2",
         "wave.window_um=20",
         "wave.polarised=true",
-        "geometric.tracer=warp",
     ],
 )
 def test_what_this_version_lacks_is_refused_and_not_dropped(override):
@@ -276,3 +275,15 @@ def test_theories_and_methods_are_those_of_the_wave_solver():
 
     assert set(THEORIES) == set(theories.THEORIES)
     assert set(METHODS) == set(fourier.METHODS)
+
+
+def test_tracers_and_estimators_are_those_of_the_ray_solver():
+    from vgonio.geometric.sampling import ESTIMATORS
+    from vgonio.geometric.tracers import TRACERS
+    from vgonio.scene import tables
+
+    assert set(tables.TRACERS) == set(TRACERS)
+    assert tables.ESTIMATORS == ESTIMATORS
+    for key in ("tracer", "estimator"):
+        with pytest.raises(InputError, match="known"):
+            load_scene(minimal(), [f"geometric.{key}=optix"])

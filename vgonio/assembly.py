@@ -124,6 +124,7 @@ def rays(scene: Scene, progress: Progress | None = None) -> Any:
         seed=asked.seed,
         tol=asked.tol,
         tracer=asked.tracer,
+        estimator=asked.estimator,
         polarised=asked.polarised,
         threads=_threads(),
         progress=progress,

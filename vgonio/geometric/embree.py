@@ -14,7 +14,8 @@ Floats = NDArray[np.float64]
 class Embree:
     """Closest-hit queries on a mesh by Embree 4 (Wald 2014), watertight mode."""
 
-    name = "embree"
+    name = "embreex, robust mode"
+    device = "CPU"
 
     def __init__(self, mesh: Mesh) -> None:
         try:

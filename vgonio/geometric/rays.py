@@ -42,7 +42,8 @@ class RayOptics:
     less than 5e-4. Periodic surfaces wrap.
     estimator : "binning" sorts rays into the detector, "facets" sends light onto those facets only whose single
     reflection falls into a detector cone, "auto" does that for cones in parallel light, where it needs far fewer rays
-    tracer : "embree";  threads : of the ray tracer, None for all processors
+    tracer : "embree", "reference" (slow) or "warp" (CUDA, extra "gpu")
+    threads : of the tracing, None for all processors
     polarised : the 4 × 4 Mueller BRDF as well (`mueller`, conventions in mueller.py), whatever the light's polarisation
 
     `scatter` raises InputError for missing points and MaterialError outside the material's table.
@@ -105,6 +106,8 @@ class RayOptics:
             "edges": edges,
             "seconds": time.perf_counter() - start,
             "facets": len(scene.mesh.faces),
+            "backend": scene.tracer.name,
+            "device": scene.tracer.device,
             "estimator": ", ".join(sorted(set(estimators))),
             "facet_points": sum(points),
             "surface": surface.name,
@@ -185,8 +188,6 @@ class RayOptics:
                 "material": self.material.name,  # type: ignore[union-attr]
                 "material_source": self.material.source,  # type: ignore[union-attr]
                 "polarisation": incoming.polarisation,
-                "backend": "embreex, robust mode",
-                "device": "CPU",
                 "seed": self.seed,
                 "rays_asked": self.rays,
                 "tolerance_asked": "none" if self.tol is None else self.tol,

@@ -27,6 +27,7 @@ class Tracer(Protocol):
     """What finds the first facet on a ray: (n, 3) positions and directions -> (n,) index, −1 for none."""
 
     name: str
+    device: str
 
     def facet(self, position: Floats, direction: Floats) -> NDArray[np.int32]: ...
 

@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 from ..surface.mesh import Mesh
 from .embree import Embree
+from .reference import Reference
 from .trace import Tracer
+from .warp import Warp
 
-TRACERS: dict[str, Callable[[Mesh], Tracer]] = {"embree": Embree}
+TRACERS: dict[str, Callable[[Mesh], Tracer]] = {"embree": Embree, "reference": Reference, "warp": Warp}

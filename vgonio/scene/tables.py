@@ -33,6 +33,8 @@ from .values import check_generator, checked, expand, not_offered, one_of, whole
 THEORIES = ("kirchhoff", "generalized-harvey-shack", "harvey-shack")
 LATER_THEORIES = ("iterated-kirchhoff", "full-wave")
 METHODS = ("auto", "nufft", "opencl", "reference")
+TRACERS = ("embree", "reference", "warp")
+ESTIMATORS = ("auto", "binning", "facets")
 
 Numbers = Annotated[list[float], BeforeValidator(expand)]
 Count = Annotated[int, BeforeValidator(whole), Field(ge=1)]
@@ -165,15 +167,10 @@ class Geometric(Table):
     rays: Count = 1_000_000
     tol: Share | None = None
     max_bounces: Count | None = None
-    tracer: str = "embree"
+    tracer: Annotated[str, one_of(TRACERS)] = "embree"
+    estimator: Annotated[str, one_of(ESTIMATORS)] = "auto"
     seed: Annotated[int, Field(ge=0)] = 0
     polarised: bool = False
-
-    @model_validator(mode="after")
-    def _offered(self) -> Geometric:
-        if self.tracer != "embree":
-            raise InputError(f"{not_offered(f'tracer {self.tracer!r}')}; offered: 'embree'")
-        return self
 
 
 class Wave(Table):
