@@ -326,13 +326,14 @@ sys.exit(main(["simulate", "scene.toml", "-o", "long.nc", "--set", "geometric.ra
 """
 
 
-def test_ctrl_c_ends_with_130_and_keeps_what_was_finished(scene):
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_ends_with_130_and_keeps_what_was_finished(scene, sent):
     """A real signal to a real process, sent when the rays are done and the waves have begun."""
     command = [sys.executable, "-c", SLOW_WAVES]
     process = subprocess.Popen(command, cwd=scene.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
     assert process.stdout.readline() == "waves began\n"
-    process.send_signal(signal.SIGINT)
+    process.send_signal(sent)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
     assert err.splitlines()[-1].startswith("vgonio: interrupted: finished parts (rays) are kept in long.partial.nc")

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import typer
@@ -20,7 +24,8 @@ def run(arguments: list[str]) -> int:
     """Run one command line; see `vgonio.cli.main`."""
     kept = _Warnings()
     try:
-        status = _command(arguments, kept)
+        with _termination_interrupts():
+            status = _command(arguments, kept)
     except KeyboardInterrupt as e:
         kept.show()
         notes = "; ".join(getattr(e, "__notes__", []))
@@ -31,6 +36,19 @@ def run(arguments: list[str]) -> int:
         return OWN_FAULT
     kept.show()
     return status
+
+
+@contextmanager
+def _termination_interrupts() -> Iterator[None]:
+    """SIGTERM, as batch systems send it, ends a command like Ctrl-C: finished parts are kept, nothing half-written."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _command(arguments: list[str], kept: _Warnings) -> int:

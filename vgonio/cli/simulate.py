@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from ..errors import FileFormatError, InputError
+from ..errors import InputError
+from ..files import written_whole
 from .common import Json, Quiet, Set, Threads, print_json, print_table, progress_bars, say
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).", show_default=False)]
@@ -137,12 +137,6 @@ def init(
     if scene.exists() and not force:
         raise InputError(f"{scene} is there already: choose another name, or --force to overwrite it")
     text = (files("vgonio") / "template.toml").read_text(encoding="utf-8").replace("NAME", scene.stem)
-    temporary = scene.with_name(f".{scene.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        os.replace(temporary, scene)
-    except OSError as e:
-        raise FileFormatError(f"cannot write {scene}: {e.strerror or e}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
+    with written_whole(scene) as stream:
+        stream.write(text.encode())
     say(f"wrote {scene}: edit it, then `vgonio plan {scene}` and `vgonio simulate {scene}`")

@@ -13,6 +13,7 @@ import xarray as xr
 
 from ..dataset import check, plain
 from ..errors import FileFormatError
+from ..files import written_whole
 
 FORMAT = "vgonio result"
 FORMAT_VERSION = 1
@@ -36,16 +37,12 @@ def save(result: xr.DataTree | xr.Dataset, path: str | os.PathLike[str]) -> Path
         node.path: {str(v): {"zlib": True, "complevel": 4} for v in node.data_vars if node[str(v)].ndim}
         for node in tree.subtree
     }
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message=".*Consolidated metadata.*")
-            tree.to_netcdf(temporary, engine="h5netcdf", encoding=encoding)
-        os.replace(temporary, path)
-    except OSError as e:
-        raise FileFormatError(f"cannot write {path}: {e.strerror or e}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*Consolidated metadata.*")
+        # in memory: HDF5 that meets a full disk takes the whole process with it
+        content = tree.to_netcdf(None, engine="h5netcdf", encoding=encoding)
+    with written_whole(path) as stream:
+        stream.write(content)
     return path
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from ..errors import FileFormatError
+from ..files import written_whole
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -30,14 +30,8 @@ def page(
     """
     path = Path(path)
     text = render(tree, surface, plan)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        os.replace(temporary, path)
-    except OSError as e:
-        raise FileFormatError(f"cannot write {path}: {e.strerror or e}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
+    with written_whole(path) as stream:
+        stream.write(text.encode())
     return path
 
 

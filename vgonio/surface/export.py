@@ -11,7 +11,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from ..errors import FileFormatError, InputError, nearest
+from ..errors import InputError, nearest
+from ..files import written_whole
 from .heightfield import Heightfield
 from .readers import csv_grid, vgms
 from .readers.npz import MISSING
@@ -39,15 +40,8 @@ def write(surface: Heightfield, path: str | os.PathLike[str], **options: Any) ->
     for key in options:
         if key not in allowed:
             raise InputError(f"{suffix} files have no option {key!r}: {nearest(key, allowed)}")
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with open(temporary, "wb") as stream:
-            writer(surface, stream, **options)
-        os.replace(temporary, path)
-    except OSError as e:
-        raise FileFormatError(f"cannot write {path}: {e.strerror or e}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
+    with written_whole(path) as stream:
+        writer(surface, stream, **options)
     return path
 
 

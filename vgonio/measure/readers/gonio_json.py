@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ...dataset import check, plain
 from ...errors import FileFormatError, InputError
+from ...files import written_whole
 from .in_plane import check_values, dense_dataset, signed_angles
 
 Floats = NDArray[np.float64]
@@ -154,7 +155,8 @@ def write(
         lines.append(json.dumps(entry, separators=(",", ":"), allow_nan=False))
     if len(lines) == 1:
         raise InputError("the BRDF to write holds no finite value")
-    _replace(path, "[\n" + ",\n".join(lines) + "\n]\n")
+    with written_whole(path) as stream:
+        stream.write(("[\n" + ",\n".join(lines) + "\n]\n").encode())
     return path
 
 
@@ -184,15 +186,3 @@ def _short(value: float) -> float | int:
 
 def _rounded(values: Floats, digits: int | None) -> list[float | None]:
     return [None if not np.isfinite(v) else float(v if digits is None else f"{v:.{digits}g}") for v in values]
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write under a temporary name beside `path`, then rename."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        os.replace(temporary, path)
-    except OSError as e:
-        raise FileFormatError(f"cannot write {path}: {e.strerror or e}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
