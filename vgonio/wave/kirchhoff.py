@@ -96,7 +96,8 @@ class Kirchhoff:
         surface.require_complete()
         plan = WindowPlan.of(surface, incoming.coherence_um, self.windows)
         job = self._job(incoming, detector, plan.step)
-        rule = choose_rule(surface, incoming.coherence_um is not None, False, self.tol)
+        # the slope of a window at its end is one kink more
+        rule = choose_rule(surface, incoming.coherence_um is not None, False, self.tol / 20)
         method = "nufft" if self.method == "auto" else self.method
         azimuth = float(np.deg2rad(incoming.phi_deg)) if detector.kind == "in-plane" else None
         spacing, eps, error, points = self._refine(surface, plan, job, rule, method, azimuth)

@@ -1,0 +1,114 @@
+"""Waves in extreme cases: no NaN, no negative power, no silent loss of accuracy; where they cannot, the reason."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+import vgonio as vg
+from vgonio.errors import InputError, ToleranceError
+from vgonio.surface import Heightfield
+
+ANGLES = range(-80, 81, 20)
+
+
+def surface(**changes) -> Heightfield:
+    made = vg.surface.gaussian(rms_um=0.2, correlation_um=3.0, shape=(48, 48), pitch_um=0.5, seed=1)
+    return made.replace(**changes)
+
+
+def measure(field: Heightfield, wavelength=500.0, tol=1e-3, theta_i=(30,), theta_o=ANGLES, **light):
+    light = {"coherence_um": 4} | light
+    gonio = vg.measure.Gonioreflectometer(list(theta_i), theta_o, **light)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", vg.errors.VgonioWarning)
+        data = gonio.measure(field, vg.wave.Kirchhoff("perfect", [wavelength], tol=tol))
+    assert np.all(np.isfinite(data.brdf))
+    assert float(data.brdf.min()) >= 0
+    assert data.attrs["error_achieved"] <= tol
+    return data
+
+
+def test_grazing_pairs():
+    data = measure(surface(), theta_i=(-89.9, 89.9), theta_o=[-89.9, 0, 89.9])
+    assert data.brdf.sel(theta_i=89.9, theta_o=-89.9).item() > 100  # everything is a mirror at grazing incidence
+
+
+@pytest.mark.parametrize("ratio", [1e-6, 1e-3, 1.0])
+def test_roughness_over_wavelength(ratio):
+    """From a mirror to rough; the smooth ones scatter as (σ/λ)² away from the mirror."""
+    z = surface().z
+    data = measure(surface(z=z / z.std() * ratio * 0.5), theta_o=[-30, 0])
+    assert float(data.brdf.sel(theta_o=-30).item()) > float(data.brdf.sel(theta_o=0).item())
+
+
+def test_smooth_surfaces_scatter_as_the_square_of_their_height():
+    z = surface().z
+    off = [measure(surface(z=z * f), theta_o=[0], tol=1e-5).brdf.item() for f in (0, 0.02, 0.04)]
+    assert off[0] < 0.01 * off[1]
+    assert np.isclose((off[2] - off[0]) / (off[1] - off[0]), 4, rtol=0.05)
+
+
+def test_very_rough_in_wavelengths():
+    data = measure(surface(z=surface().z * 25))  # σ/λ = 10, RMS slope 2
+    assert float(data.brdf.max()) < 10
+
+
+def test_a_millimetre_wave_sees_a_mirror():
+    """λ = 1 mm over a window of 24 µm: a BRDF all but constant over angles, k²A/(4π²)·C²/(cos cos)."""
+    data = measure(surface(), wavelength=1e6, theta_i=(0,), theta_o=[0, 60])
+    k = 2 * np.pi / 1e3
+    window = data.attrs["coherence_um"]
+    # A_w of the separable window ended at 3 ℓ, by quadrature
+    t = np.linspace(-3, 3, 20001) * window
+    g = np.maximum(np.exp(-(t**2) / (2 * window**2)) - np.exp(-4.5), 0)
+    area = np.trapezoid(g, t) ** 4 / np.trapezoid(g**2, t) ** 2
+    assert np.isclose(data.brdf.sel(theta_o=0).item(), k**2 / (4 * np.pi**2) * area, rtol=2e-3)
+
+
+def test_x_rays_need_too_many_points_and_say_so():
+    with pytest.raises(ToleranceError, match="smaller coherence_um or surface"):
+        measure(surface(), wavelength=1.0)
+
+
+def test_windows_smaller_than_the_wavelength_and_larger_than_the_sample():
+    small = vg.surface.gaussian(rms_um=0.1, correlation_um=1, shape=(12, 12), pitch_um=0.25, seed=1)
+    measure(small, coherence_um=0.2)
+    data = measure(surface(periodic=False), coherence_um=1e4)
+    assert "ends at ±12 µm" in data.attrs["window_note"]
+
+
+@pytest.mark.parametrize("tol", [1e-1, 1e-2, 1e-4, 1e-6, 1e-9])
+def test_tolerances(tol):
+    exact = measure(surface(), tol=1e-10).brdf
+    error = float((abs(measure(surface(), tol=tol).brdf - exact) / exact.max()).max())
+    assert error <= tol
+
+
+@pytest.mark.parametrize("kind", ["nearest", "linear"])
+def test_steps_and_facets(kind):
+    measure(surface(interpolation=kind))
+
+
+def test_steep_tilt():
+    """A plane tilted by 60°, lit from 30° on the other side: its mirror direction is the normal of the sample."""
+    x = (np.arange(96) + 0.5) * 0.25
+    plane = Heightfield(np.tile(np.tan(np.deg2rad(60)) * x, (96, 1)), 0.25)
+    data = measure(plane, theta_i=(-75,), theta_o=[-45, -20, 0, 20])
+    # facet normal at −60°: −75° goes to −45°
+    assert data.brdf.argmax("theta_o").item() == 0
+
+
+def test_tiny_and_thin_fields():
+    measure(Heightfield(np.array([[0, 0.1], [0.2, 0.0]]), 0.5))
+    x = (np.arange(64) + 0.5) * 0.5
+    measure(Heightfield(np.sin(2 * np.pi * x / 8)[None] * 0.2, 0.5, periodic=True))
+
+
+def test_missing_points_are_refused():
+    z = surface().z.copy()
+    z[3, 4] = np.nan
+    with pytest.raises(InputError, match="fill"):
+        measure(surface(z=z))
