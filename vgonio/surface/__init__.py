@@ -9,6 +9,7 @@ from .plausible import describe_import
 from .readers import read
 from .spectrum import autocorrelation, psd
 from .statistics import parameters, slope_distribution
+from .visibility import visible
 
 __all__ = [
     "Heightfield",
@@ -30,5 +31,6 @@ __all__ = [
     "sandblasted",
     "sinusoid",
     "slope_distribution",
+    "visible",
     "write",
 ]
