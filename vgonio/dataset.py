@@ -47,6 +47,11 @@ VARIABLES = {
     "energy_reflected": ("1", "share of the incident power that reaches the hemisphere of the detector"),
     "efficiency": ("1", "diffraction efficiency: power of the order over incident power"),
     "fresnel": ("1", "Fresnel reflectance at the half vector"),
+    "averaged_shortcut_error": (
+        "1",
+        "relative error that the product of unpolarised reflectances would have made in the power of two and more "
+        "reflections",
+    ),
     "rays": ("1", "number of rays traced"),
     "ndf": ("sr-1", "distribution of normals D of the facets"),
     "masking": ("1", "masking G1: visible share of the projected area of the facets that face the direction"),

@@ -111,7 +111,21 @@ def test_two_reflections_use_polarisation_not_the_product_of_averages():
     s, p = (material("SiO2").reflectance(np.cos(np.pi / 4), [550], pol)[0] for pol in "sp")
     double = data.energy_by_bounce.sel(bounce=2).item()
     assert np.isclose(double, (s**2 + p**2) / 2, rtol=1e-5)
-    assert double > 1.5 * ((s + p) / 2) ** 2  # the averaged shortcut would be far off
+    assert double > 1.5 * ((s + p) / 2) ** 2  # the averaged shortcut would be far off, and the result says by how much
+    expected = ((s + p) / 2) ** 2 / ((s**2 + p**2) / 2) - 1
+    assert np.isclose(data.averaged_shortcut_error.item(), expected, rtol=1e-5)
+    assert f"{-100 * expected:.2g} %" in data.attrs["averaged_shortcut"]
+
+
+def test_averaged_shortcut_is_exact_where_nothing_depends_on_polarisation():
+    """Perfect mirrors, and single reflections; with aluminium on a rough surface it is off by little."""
+    gonio = Gonioreflectometer([30], ANGLES)
+    perfect = gonio.measure(rough(slope=1.0), RayOptics("perfect", rays=5000))
+    assert abs(perfect.averaged_shortcut_error.item()) < 1e-9
+    single = gonio.measure(rough(slope=0.05), RayOptics("SiO2", rays=5000))
+    assert single.averaged_shortcut_error.item() == 0
+    metal = gonio.measure(rough(slope=1.0), RayOptics("Al", [450, 650], rays=20_000, bounces=1))
+    assert np.all((np.abs(metal.averaged_shortcut_error) > 1e-4) & (np.abs(metal.averaged_shortcut_error) < 0.05))
 
 
 @pytest.mark.parametrize("polarisation", ["s", "p"])

@@ -158,6 +158,7 @@ class RayOptics:
             return np.sqrt(variance) / (count * detector.projected_solid_angle[:, None])
 
         over = ("theta_i", *detector.dims, "wavelength")
+        shortcut = np.stack([shortcut_error(t) for t in tallies])
         stokes = mueller_variables(tallies, n, detector) if self.polarised else {}
         return brdf_dataset(
             {
@@ -171,6 +172,7 @@ class RayOptics:
                 ),
                 "energy_absorbed": (("theta_i", "wavelength"), np.stack([t.absorbed / t.rays for t in tallies])),
                 "energy_lost": (("theta_i", "wavelength"), np.stack([t.lost / t.rays for t in tallies])),
+                "averaged_shortcut_error": (("theta_i", "wavelength"), shortcut),
                 "rays": (("theta_i",), n.astype(np.int64)),
                 **stokes,
             },
@@ -194,11 +196,18 @@ class RayOptics:
                 "error_achieved": float(max(relative_error(t) for t in tallies)),
                 "error_estimate": "largest relative standard error where brdf exceeds 1e-3 of its largest value "
                 "per theta_i and wavelength, from pairs of rays in one cell of the starts and from points on facets",
+                "averaged_shortcut": "the product of unpolarised reflectances would have been off by up to "
+                f"{100 * np.abs(shortcut).max():.2g} % in the power of two and more reflections",
                 "max_bounces": self.max_bounces,
                 "bounce_last": f"{self.bounces} gathers {self.bounces} and more reflections",
                 "versions": versions(),
             },
         )
+
+
+def shortcut_error(t: Tally) -> Floats:
+    """(w,) relative error of the product of unpolarised reflectances over paths of two and more; 0 without any."""
+    return np.where(t.multiple > 0, t.averaged / np.where(t.multiple > 0, t.multiple, 1.0) - 1, 0.0)
 
 
 def mueller_variables(tallies: list[Tally], n: Floats, detector: Detector) -> dict[str, tuple[tuple[str, ...], Floats]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import scipy.sparse as sp
@@ -29,20 +29,21 @@ class Tally:
     lost: Floats  # (w,)
     mueller: Floats  # (element, stokes_out, stokes_in, w) of all paths together; no elements unless asked for
     mueller_variance: Floats  # variance of `mueller`, estimated
+    multiple: Floats  # (w,) power that left upward after two and more reflections
+    averaged: Floats  # (w,) the same by the shortcut: the product of the unpolarised reflectances
 
     @staticmethod
     def empty(kept: int, elements: int, wavelengths: int, polarised: bool = False) -> Tally:
         cube = (kept, elements, wavelengths)
         one = np.zeros(wavelengths)
         matrix = np.zeros((elements if polarised else 0, 4, 4, wavelengths))
-        return Tally(
-            0, np.zeros(cube), np.zeros(cube), np.zeros((kept, wavelengths)), one, one.copy(), matrix, matrix.copy()
-        )
+        caught, upward = (np.zeros(cube), np.zeros(cube)), np.zeros((kept, wavelengths))
+        return Tally(0, *caught, upward, one, one.copy(), matrix, matrix.copy(), one.copy(), one.copy())
 
     def __iadd__(self, other: Tally) -> Tally:
         self.rays += other.rays
-        for name in ("caught", "caught_variance", "upward", "absorbed", "lost", "mueller", "mueller_variance"):
-            getattr(self, name).__iadd__(getattr(other, name))
+        for sums in fields(self)[1:]:
+            getattr(self, sums.name).__iadd__(getattr(other, sums.name))
         return self
 
 
@@ -150,6 +151,7 @@ def _tally_multiple(
         m *= table.elements(second.cos_i[double], 2)
         m[:, 1] *= second.cos_2psi[double, None]
         power[double] = m[:, 0] + m[:, 1]
+        out.averaged += np.where(paths.escaped[members[double]], weight[members[double]], 0.0) @ m[:, 0]
         out.absorbed += weight[members[double]] @ (before - power[double])
         longer = ~double
     power[longer] = _power_of_stokes(out, paths, table, polarisation, members[longer], position, weight)
@@ -157,7 +159,9 @@ def _tally_multiple(
     gone = paths.escaped[members]
     for b in range(min(1, kept - 1), kept):
         use = gone & (count == b)
-        out.upward[b] += weight[members[use]] @ power[use]
+        upward = weight[members[use]] @ power[use]
+        out.upward[b] += upward
+        out.multiple += upward
     out.lost += weight[members[~gone]] @ power[~gone]
     bounce = np.minimum(paths.bounces[ray], kept) - 1
     for b in np.unique(bounce):
@@ -174,21 +178,27 @@ def _power_of_stokes(
     position: NDArray,
     weight: Floats,
 ) -> Floats:
-    """(m, w) power of the rays `members` (m,) after their last reflection; what the later ones absorb goes to `out`."""
+    """(m, w) power of the rays `members` (m,) after their last reflection.
+
+    What the later reflections absorb, and the product of the unpolarised reflectances, goes to `out`.
+    """
     first, at = paths.hits[0], position[members]
     m = table.elements(first.cos_i[at], 4)
     q, u = STOKES_Q[polarisation] * first.cos_2psi[at, None], -STOKES_Q[polarisation] * first.sin_2psi[at, None]
     # (rays, 4, wavelengths): I, Q, U, V
     stokes = np.stack([m[:, 0] + m[:, 1] * q, m[:, 1] + m[:, 0] * q, m[:, 2] * u, -m[:, 3] * u], axis=1)
+    averaged = m[:, 0].copy()
     row = np.full(len(paths.bounces), -1, np.int64)
     row[members] = np.arange(len(members))
     for hits in paths.hits[1:]:
         use = np.flatnonzero(row[hits.ray] >= 0)
         at = row[hits.ray[use]]
-        before = stokes[at]
-        after = mirror(turn(before, hits.cos_2psi[use], hits.sin_2psi[use]), table.elements(hits.cos_i[use]))
+        before, m = stokes[at], table.elements(hits.cos_i[use])
+        after = mirror(turn(before, hits.cos_2psi[use], hits.sin_2psi[use]), m)
         out.absorbed += weight[hits.ray[use]] @ (before[:, 0] - after[:, 0])
         stokes[at] = after
+        averaged[at] *= m[:, 0]
+    out.averaged += np.where(paths.escaped[members], weight[members], 0.0) @ averaged
     return stokes[:, 0]
 
 
