@@ -46,9 +46,9 @@ def test_roughness_over_wavelength(ratio):
 
 def test_smooth_surfaces_scatter_as_the_square_of_their_height():
     z = surface().z
-    off = [measure(surface(z=z * f), theta_o=[0, -30], tol=1e-5).brdf.sel(theta_o=0).item() for f in (0.01, 0.02)]
-    # the next term is (q_z σ)² ≈ 0.01 smaller
-    assert np.isclose(off[1] / off[0], 4, rtol=0.05)
+    off = [measure(surface(z=z * f), theta_o=[-24, -30]).brdf.sel(theta_o=-24).item() for f in (0.02, 0.04)]
+    # σ = 4 and 8 nm: the next term is (q_z σ)² ≈ 0.03, what the window's end scatters is 2 % of the smaller
+    assert np.isclose(off[1] / off[0], 4, rtol=0.06)
 
 
 def test_very_rough_in_wavelengths():
