@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..directions import Incoming, frames, s_axes
-from ..errors import InputError
+from ..errors import InputError, VgonioWarning
 from ..surface.heightfield import Heightfield
 from ..surface.mesh import KEPT_FACETS, Mesh, mesh, profile_once
 from .trace import Paths, Tracer, trace
@@ -64,6 +65,19 @@ class Scene:
         position = Starts(self.required_area(incoming, i), self.mesh.z_range[1], n).draw(rng)
         direction, s = rays_of_source(incoming, i, n, rng)
         return trace(self.mesh, self.tracer, position, direction, s, max_bounces)
+
+
+def warn_of_fine_relief(m: Mesh) -> None:
+    """VgonioWarning where the relief is so small against the sample that a reflected ray starts above most of it."""
+    relief = m.z_range[1] - m.z_range[0]
+    if 1e-12 < relief < 10 * m.lift:
+        warnings.warn(
+            f"the relief of {relief:.2g} µm is too fine for single precision over a sample of this size (rays start "
+            f"{m.lift:.2g} µm above their facets): slopes are right, shadows and multiple reflections are missed; "
+            "trace a smaller piece of the sample",
+            VgonioWarning,
+            stacklevel=3,
+        )
 
 
 class Starts:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,11 +14,11 @@ from numpy.typing import NDArray
 
 from ..dataset import brdf_dataset, versions
 from ..directions import Detector, Incoming, wavelength_list
-from ..errors import InputError, nearest
+from ..errors import InputError, VgonioWarning, nearest
 from ..materials import Material, material
 from ..surface.heightfield import Heightfield
 from ..surface.mesh import mirrored
-from .beam import Scene
+from .beam import Scene, warn_of_fine_relief
 from .fresnel_table import FresnelTable
 from .sampling import ESTIMATORS, Settings, relative_error, sample_angle
 from .tally import Tally, tally
@@ -25,6 +26,7 @@ from .trace import Paths
 from .tracers import TRACERS
 
 Floats = NDArray[np.float64]
+LOST_TOO_MUCH = 0.01  # a share that is worth a warning
 LOST_ENOUGH = 5e-4  # a finite sample that loses more of a trial through its sides is mirrored instead
 EDGES = ("auto", "guard", "mirror")
 
@@ -88,6 +90,7 @@ class RayOptics:
         """The BRDF and the energy tallies of `surface`, (theta_i, detector, wavelength), with standard errors."""
         start = time.perf_counter()
         scene, edges = self._scene(surface, incoming)
+        warn_of_fine_relief(scene.mesh)
         table = FresnelTable(self.material, self.wavelength_nm)  # type: ignore[arg-type]
         seeds = np.random.SeedSequence(self.seed).spawn(len(incoming.theta_deg))
         settings = self._settings()
@@ -102,6 +105,7 @@ class RayOptics:
                 self.progress((i + 1) / len(seeds))
         tallies, estimators, points = zip(*results)
         data = self._dataset(list(tallies), incoming, detector)
+        self._warn_of_losses(float(data["energy_lost"].max()))
         data.attrs |= {
             "edges": edges,
             "seconds": time.perf_counter() - start,
@@ -113,6 +117,15 @@ class RayOptics:
             "surface": surface.name,
         }
         return data
+
+    def _warn_of_losses(self, lost: float) -> None:
+        if lost > LOST_TOO_MUCH:
+            warnings.warn(
+                f"{lost:.1%} of the light was lost, at max_bounces = {self.max_bounces} or through the sides of the "
+                "sample (energy_lost): raise max_bounces, or let edges be 'auto'",
+                VgonioWarning,
+                stacklevel=3,
+            )
 
     def _settings(self) -> Settings:
         return Settings(
@@ -157,6 +170,8 @@ class RayOptics:
             count = n.reshape(-1, *[1] * (variance.ndim - 1))
             return np.sqrt(variance) / (count * detector.projected_solid_angle[:, None])
 
+        # a difference of sums: rounding may leave −1e-16 where nothing is absorbed
+        absorbed = np.maximum(np.stack([t.absorbed / t.rays for t in tallies]), 0.0)
         over = ("theta_i", *detector.dims, "wavelength")
         shortcut = np.stack([shortcut_error(t) for t in tallies])
         stokes = mueller_variables(tallies, n, detector) if self.polarised else {}
@@ -170,7 +185,7 @@ class RayOptics:
                     ("theta_i", "bounce", "wavelength"),
                     np.stack([t.upward / t.rays for t in tallies]),
                 ),
-                "energy_absorbed": (("theta_i", "wavelength"), np.stack([t.absorbed / t.rays for t in tallies])),
+                "energy_absorbed": (("theta_i", "wavelength"), absorbed),
                 "energy_lost": (("theta_i", "wavelength"), np.stack([t.lost / t.rays for t in tallies])),
                 "averaged_shortcut_error": (("theta_i", "wavelength"), shortcut),
                 "rays": (("theta_i",), n.astype(np.int64)),

@@ -13,7 +13,7 @@ def closest(
 ):
     i = wp.tid()
     query = wp.mesh_query_ray(mesh, position[i], direction[i], reach)
-    if query.result:
-        facet[i] = query.face
+    if query.result:  # type: ignore[attr-defined]
+        facet[i] = query.face  # type: ignore[attr-defined]
     else:
         facet[i] = -1

@@ -22,8 +22,12 @@ def fresnel(cos_i: ArrayLike, index: ArrayLike) -> tuple[Complex, Complex]:
     c = np.asarray(cos_i, dtype=np.float64)
     eps = np.asarray(index, dtype=np.complex128) ** 2
     root: Complex = np.sqrt(eps - (1.0 - c * c))
-    s: Complex = (c - root) / (c + root)
-    return s, (eps * c - root) / (eps * c + root)
+    return _quotient(c - root, c + root), _quotient(eps * c - root, eps * c + root)
+
+
+def _quotient(above: Complex, below: Complex) -> Complex:
+    """above / below, 0 where both vanish: an index of 1 at grazing incidence."""
+    return np.divide(above, below, out=np.zeros(np.shape(below), np.complex128), where=below != 0)
 
 
 @dataclass(frozen=True)

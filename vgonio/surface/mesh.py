@@ -117,8 +117,10 @@ class Mesh:
         along, across = np.maximum(x * c + y * s, 0), np.maximum(y * c - x * s, 0)
         b = across / np.sin(sector)
         a = np.maximum(along - b * np.cos(sector), 0)
-        with np.errstate(invalid="ignore"):
-            return z > (1 + 1e-9) * (a * first + b * second)
+        # along a wall: no share of an infinite slope
+        bound = np.where(a > 1e-12, a, 0) * np.where(a > 1e-12, first, 0)
+        bound += np.where(b > 1e-12, b, 0) * np.where(b > 1e-12, second, 0)
+        return z > (1 + 1e-9) * bound
 
 
 def mesh(surface: Heightfield, refinement: int = 1) -> Mesh:
