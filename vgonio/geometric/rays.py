@@ -38,7 +38,8 @@ class RayOptics:
     material : name, file or Material;  wavelength_nm : (w,) nm, all of them share one trace
     rays : number of rays per angle of incidence, a cap where `tol` is given
     tol : relative standard error wanted wherever brdf exceeds 10⁻³ of its largest value, per angle and wavelength
-    max_bounces : a ray that goes on beyond is counted as lost;  bounces : entries kept apart, the last gathers the rest
+    max_bounces : a ray that goes on beyond is counted as lost (a groove as deep as wide takes 115 at 89°)
+    bounces : entries kept apart by number of reflections, the last gathers the rest
     refinement : mesh cells per sample;  edges : what happens at the sides of a finite sample: "guard" starts rays only
     where what they can reach is real, "mirror" continues it by reflection, "auto" takes the guard band if it loses
     less than 5e-4. Periodic surfaces wrap.
@@ -56,7 +57,7 @@ class RayOptics:
     rays: int = 10**6
     seed: int = 0
     tol: float | None = None
-    max_bounces: int = 100
+    max_bounces: int = 300
     bounces: int = 4
     refinement: int = 1
     edges: str = "auto"
