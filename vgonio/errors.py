@@ -41,9 +41,9 @@ class VgonioWarning(UserWarning):
     """Something implausible that the program goes on with."""
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: object, known: Iterable[str]) -> str:
     """A hint "did you mean 'x'?" for a misspelt name, or the list of known ones."""
     known = sorted(known)
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(str(name), known, n=1, cutoff=0.5)
     more = f" and {len(known) - MOST_NAMES} more" if len(known) > MOST_NAMES else ""
     return f"did you mean {close[0]!r}?" if close else "known: " + ", ".join(known[:MOST_NAMES]) + more

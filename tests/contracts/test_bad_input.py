@@ -226,6 +226,14 @@ def test_a_material_file_that_is_no_yaml(refused, folder):
     assert "odd.yml" in refused(*setting("material={file='odd.yml'}"))
 
 
+@pytest.mark.parametrize("row", ["nan,1", "1,-1", "-1,0", "0,0", "1,inf"])
+def test_a_material_that_cannot_be(refused, folder, row):
+    (folder / "odd.csv").write_text(f"wl,n,k\n0.3,{row}\n0.9,{row}\n")
+    line = refused(*setting("material={file='odd.csv'}"))
+    assert "odd.csv" in line
+    assert "n + ik" in line
+
+
 def test_an_unknown_name_does_not_list_hundreds_of_known_ones(refused):
     assert len(refused(*setting("material.name=x"))) < 300
 

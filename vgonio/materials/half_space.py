@@ -44,7 +44,7 @@ class Material:
         return self.table is None
 
     def index(self, wavelength_nm: ArrayLike) -> Complex:
-        """n + ik at wavelengths in nm; MaterialError outside the table or for a perfect reflector."""
+        """n + ik at wavelengths in nm; MaterialError outside the table, for a perfect reflector or bad values."""
         w = np.asarray(wavelength_nm, dtype=np.float64)
         if self.table is None:
             raise MaterialError("a perfect reflector has no refractive index")
@@ -56,7 +56,14 @@ class Material:
                 f"material {self.name!r} is tabulated from {lo:g} to {hi:g} nm, {out:g} nm was asked for: "
                 "choose wavelengths inside, or another source (for example 'Al:McPeak')"
             )
-        return self.table(np.clip(w, lo, hi) * 1e-3)
+        index = self.table(np.clip(w, lo, hi) * 1e-3)
+        good = np.isfinite(index) & (index.real >= 0) & (index.imag >= 0) & (index != 0)
+        if not np.all(good):
+            raise MaterialError(
+                f"material {self.name!r} ({self.source}) has n + ik = {index[~good].flat[0]:.4g} at "
+                f"{np.broadcast_to(w, good.shape)[~good].flat[0]:g} nm: finite n and k, none negative, are needed"
+            )
+        return index
 
     def check(self, wavelength_nm: ArrayLike) -> None:
         """Raise MaterialError unless every wavelength is inside the table."""

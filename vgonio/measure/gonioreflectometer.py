@@ -10,6 +10,7 @@ import xarray as xr
 
 from ..dataset import check
 from ..directions import Detector, Incoming
+from ..errors import InputError
 from ..surface.heightfield import Heightfield
 
 
@@ -61,6 +62,8 @@ class Gonioreflectometer:
 
     def measure(self, surface: Heightfield, solver: Solver) -> xr.Dataset:
         """What this instrument sees of `surface` when `solver` scatters the light; seconds are in the attributes."""
+        if not isinstance(surface, Heightfield):
+            raise InputError(f"a Heightfield is needed, got {type(surface).__name__}: Heightfield(z_um, pitch_um=…)")
         surface.require_complete()
         start = time.perf_counter()
         data = check(solver.scatter(surface, self.incoming, self.detector), type(solver).__name__)

@@ -51,13 +51,8 @@ def open(path: str | os.PathLike[str]) -> xr.DataTree:
     path = Path(path)
     if not path.is_file():
         raise FileFormatError(f"no such result file: {path}")
-    try:
-        with xr.open_datatree(path, engine="h5netcdf") as tree:
-            loaded = tree.load()
-    except Exception as e:  # damaged HDF5 fails in as many ways as there are bytes
-        loaded, reason = None, str(e).splitlines()[0] if str(e) else type(e).__name__
+    loaded, reason = _loaded(path)
     if loaded is None:
-        _forget_open_file()
         raise FileFormatError(f"{path} is not a NetCDF-4 file ({reason})")
     require_ours(loaded.attrs, path)
     for node in loaded.subtree:
@@ -66,11 +61,17 @@ def open(path: str | os.PathLike[str]) -> xr.DataTree:
     return loaded
 
 
-def _forget_open_file() -> None:
-    """Let the half-open file of a failed reading go here, where its complaints about being closed can be silenced."""
+def _loaded(path: Path) -> tuple[xr.DataTree | None, str]:
+    """The tree in memory, or None and the reason; what a half-open file says while it is thrown away is not shown."""
     hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
     try:
+        try:
+            with xr.open_datatree(path, engine="h5netcdf") as tree:
+                return tree.load(), ""
+        except Exception as e:  # damaged HDF5 fails in as many ways as there are bytes
+            reason = str(e).splitlines()[0] if str(e) else type(e).__name__
         gc.collect()
+        return None, reason
     finally:
         sys.unraisablehook = hook
 
