@@ -73,7 +73,7 @@ def count_batch(beam: ParallelBeam, counts: Counts, n: int, rng: np.random.Gener
             still = np.zeros(int(go.sum()), bool)
             known: list[Step] = [(facet[go], point[go], still), (second[go], beyond[go], still)]
             paths = _trace(beam, point[go], known, max_bounces)
-            paths.variance = np.ones(len(paths.bounces))  # Σ x² is an upper bound
+            paths.of_rays = n
     counts.add(first, single, lost, int(n - single.sum() - len(lost) - (0 if paths is None else len(paths.bounces))))
     return paths
 

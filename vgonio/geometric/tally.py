@@ -103,9 +103,10 @@ def tally(
         _tally_multiple(out, paths, table, polarisation, kept, ray[~once], element[~once])
     if polarised:
         _tally_mueller(out, paths, table, detector, ray, element, phi_i_deg)
-    if paths.variance is None and out.rays > 1:
-        out.caught_variance = _independent(out.caught_variance, out.caught, out.rays)
-        out.mueller_variance = _independent(out.mueller_variance, out.mueller, out.rays)
+    rays = out.rays if paths.of_rays is None else paths.of_rays
+    if paths.variance is None and rays > 1:
+        out.caught_variance = _independent(out.caught_variance, out.caught, rays)
+        out.mueller_variance = _independent(out.mueller_variance, out.mueller, rays)
     return out
 
 
