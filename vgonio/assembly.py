@@ -126,6 +126,7 @@ def rays(scene: Scene, progress: Progress | None = None) -> Any:
         tracer=asked.tracer,
         estimator=asked.estimator,
         polarised=asked.polarised,
+        statistics=asked.statistics,
         threads=_threads(),
         progress=progress,
         **given,
@@ -150,6 +151,8 @@ def waves(scene: Scene, theory: str, progress: Progress | None = None) -> Any:
         tol=asked.tol,
         method=asked.method,
         theory=theory,
+        shadowing=asked.shadowing,
+        fresnel=asked.fresnel,
         **given,
     )
 

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..dataset import brdf_dataset, versions
+from ..dataset import brdf_dataset, label, versions
 from ..directions import Detector, Incoming, wavelength_list
 from ..errors import InputError, VgonioWarning, nearest
 from ..materials import Material, material
@@ -21,6 +21,7 @@ from ..surface.mesh import mirrored
 from .beam import Scene, warn_of_fine_relief
 from .fresnel_table import FresnelTable
 from .sampling import ESTIMATORS, Settings, relative_error, sample_angle
+from .statistics import statistics_variables
 from .tally import Tally, tally
 from .trace import Paths
 from .tracers import TRACERS
@@ -48,6 +49,7 @@ class RayOptics:
     tracer : "embree", "reference" (slow) or "warp" (CUDA, extra "gpu")
     threads : of the tracing, None for all processors
     polarised : the 4 × 4 Mueller BRDF as well (`mueller`, conventions in mueller.py), whatever the light's polarisation
+    statistics : path lengths, distances between hits and slopes of the last facet as well (statistics.py)
 
     `scatter` raises InputError for missing points and MaterialError outside the material's table.
     """
@@ -64,6 +66,7 @@ class RayOptics:
     tracer: str = "embree"
     estimator: str = "auto"
     polarised: bool = False
+    statistics: bool = False
     threads: int | None = None
     progress: Callable[[float], None] | None = field(default=None, compare=False, repr=False)
 
@@ -106,6 +109,9 @@ class RayOptics:
                 self.progress((i + 1) / len(seeds))
         tallies, estimators, points = zip(*results)
         data = self._dataset(list(tallies), incoming, detector)
+        if self.statistics:
+            found, coords = statistics_variables(scene, incoming, self.bounces, self.rays, self.max_bounces, self.seed)
+            data = label(data.assign(found).assign_coords(coords))
         self._warn_of_losses(float(data["energy_lost"].max()))
         data.attrs |= {
             "edges": edges,

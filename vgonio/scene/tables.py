@@ -171,13 +171,15 @@ class Geometric(Table):
     estimator: Annotated[str, one_of(ESTIMATORS)] = "auto"
     seed: Annotated[int, Field(ge=0)] = 0
     polarised: bool = False
+    statistics: bool = False
 
 
 class Wave(Table):
     theory: list[Annotated[str, one_of(THEORIES, LATER_THEORIES)]] = ["kirchhoff"]
     method: Annotated[str, one_of(METHODS)] = "auto"
     tol: Share = 1e-3
-    shadowing: Later = False
+    shadowing: bool = False
+    fresnel: Annotated[str, one_of(("half", "local"))] = "half"
     bounces: Later = None
     window_um: Later = None
     polarised: Later = False
@@ -189,7 +191,7 @@ class Wave(Table):
 
     @model_validator(mode="after")
     def _offered(self) -> Wave:
-        for key in ("shadowing", "window_um", "polarised"):
+        for key in ("window_um", "polarised"):
             self.refuse(getattr(self, key), key)
         self.refuse(None if self.bounces == 1 else self.bounces, "bounces")
         if not self.theory or len(set(self.theory)) < len(self.theory):
