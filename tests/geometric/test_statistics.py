@@ -70,8 +70,8 @@ def test_ways_over_many_periods():
     for name in ("path_length", "horizontal_distance"):
         assert abs(one[name][1] - nine[name][1]) < 5 * one.path_length_rms[1] * np.sqrt(2 / n)
     share = np.interp(one.distance, nine.distance, nine.second_hit_beyond)
-    # linear interpolation between the other grid's distances adds some per cent
-    assert np.abs(one.second_hit_beyond - share).max() < 0.06
+    # 5 standard errors are 0.08; linear interpolation between the other grid's distances adds some per cent
+    assert np.abs(one.second_hit_beyond - share).max() < 0.1
 
 
 def test_labels_scene_and_default():
