@@ -34,7 +34,7 @@ def rough(alpha: float, n: int = 256, seed: int = 0) -> Heightfield:
 
 
 def smith(alpha, theta):
-    """Smith's G₁ of a Gaussian distribution of slopes (Smith 1967; Walter 2007, equation 27 before the fit)."""
+    """Smith's G₁ of a Gaussian distribution of slopes (Smith 1967; Walter 2007, Beckmann)."""
     a = 1 / (alpha * np.tan(np.maximum(theta, 1e-6)))
     return 1 / (1 + (erf(a) - 1) / 2 + np.exp(-(a**2)) / (2 * a * np.sqrt(np.pi)))
 

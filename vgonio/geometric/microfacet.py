@@ -59,7 +59,7 @@ def ndf(surface: Heightfield, resolution_deg: float = 2.0, azimuthal: bool = Fal
     """Distribution of normals D of the mesh, sr⁻¹: `ndf (theta_h)`, or `ndf (cell)` over the hemisphere if `azimuthal`.
 
     D is the projected area of the facets whose normals fall into an element, over the ground area and over the
-    element's ∫ cos θ dω, so that Σ ndf · projected_solid_angle = 1 (Walter 2007, equation 4). Vertical walls have no
+    element's ∫ cos θ dω, so that Σ ndf · projected_solid_angle = 1 (Walter 2007). Vertical walls have no
     projected area; the attribute `area_ratio`, real over ground area, counts them.
     """
     facets = Facets.of(surface, refinement)
@@ -105,7 +105,7 @@ def masking(
 
     theta_deg : (n,) signed polar angles in the plane of azimuth phi_deg;  points : sample points per direction
     `masking (theta)` with standard error; `projected_area (theta)`: Σ area (ω·m)⁺ over the ground area, so that
-    masking · projected_area = cos θ (Smith 1967; Heitz 2014, equation 14). A finite sample is continued by its mirror
+    masking · projected_area = cos θ (Smith 1967; Heitz 2014). A finite sample is continued by its mirror
     images. Raises InputError for angles of 90° and beyond.
     """
     if points < 1:
@@ -218,7 +218,7 @@ def _both_ways(
     """D, G₂ and the standard error of G₂ per detector element, of the facets that reflect ω_i into the element.
 
     A facet of normal m sends the light to 2(ω_i·m)m − ω_i; the element's solid angle is 4 (ω_i·m) times as large as
-    that of the normals which reach it (Walter 2007, equation 14).
+    that of the normals which reach it (Walter 2007).
     """
     cos = facets.normal @ wi
     out = 2 * cos[:, None] * facets.normal - wi
