@@ -125,6 +125,16 @@ def test_json_and_text_hold_the_same_stages():
     assert text.splitlines()[0].startswith("Plan of")
 
 
+def test_shadows_and_local_reflectances_state_their_cost():
+    two = {"wavelength_nm": [500, 600], "theta_i_deg": [0, 30], "coherence_um": 4}
+    cost = {s.name: s.cost for s in plan(scene(light=two, wave={"shadowing": True, "fresnel": "local"})).stages}
+    elements = len(load_scene(scene()).detector.theta_o_deg)
+    assert f"up to {2 * elements * 4:,} transforms" in cost["transform"]
+    assert "times the points" in cost["transform"]
+    plain = {s.name: s.cost for s in plan(scene(light=two)).stages}
+    assert "transforms" not in plain["transform"]
+
+
 def test_planning_loads_no_ray_or_wave_library():
     code = (
         "import sys, json, vgonio as vg\n"
@@ -170,6 +180,9 @@ def test_steep_and_grazing_are_warned_about():
     text = warnings_of(slope_surface(35.0), theta_i_deg=[80])
     assert "steeper than 30°" in text
     assert "shadowing" in text
+    light = load_scene(scene(light={"wavelength_nm": [500], "theta_i_deg": [80], "coherence_um": 1.0})).light
+    shadowed = validity.wave_warnings(slope_surface(35.0), ["kirchhoff"], light, 30.0, shadowing=True)
+    assert "shadowing" not in "\n".join(shadowed)
     assert "steeper" not in warnings_of(slope_surface(10.0))
 
 

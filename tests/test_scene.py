@@ -127,7 +127,6 @@ def test_an_unknown_key_comes_before_all_other_mistakes_and_the_rest_is_counted(
         "wave.theory=full-wave",
         "wave.theory=[kirchhoff]",
         "wave.theory=iterated-kirchhoff",
-        "wave.shadowing=true",
         "wave.bounces=2",
         "wave.window_um=20",
         "wave.polarised=true",
@@ -250,7 +249,7 @@ def test_the_template_with_everything_commented_in_names_every_key():
     """Every key of every table stands in the template, so that `vgonio init` documents all there is."""
     template = _template()
     known = {key for table in TABLES.values() for key in table.model_fields} | set(Scene.model_fields)
-    later = {"shadowing", "bounces", "window_um"}
+    later = {"bounces", "window_um"}
     absent = {key for key in known - later if key not in template}
     assert absent == set()
 

@@ -176,9 +176,23 @@ def _wave_stages(scene: Scene, surface: Heightfield | None) -> list[Stage]:
             True,
             ", ".join(scene.wave.theory) + f", method {scene.wave.method!r}, tol = {scene.wave.tol:g}",
             library,
-            f"{count:,} directions × wavelengths, {windows} coherence windows",
+            f"{count:,} directions × wavelengths, {windows} coherence windows{_dearer(scene)}",
         ),
     ]
+
+
+def _dearer(scene: Scene) -> str:
+    """What the options of [wave] cost: transforms of each window that plain waves do at once."""
+    asked, light = scene.wave, scene.light
+    if asked is None or light is None:
+        return ""
+    angles, wavelengths = len(light.theta_i_deg), len(light.wavelength_nm)
+    local = (2 if light.polarisation == "unpolarised" else 1) * wavelengths if asked.fresnel == "local" else 1
+    pairs = angles * (detector_elements(scene) if asked.shadowing else 1)
+    if local == 1 and not asked.shadowing:
+        return ""
+    finer = " (of those pairs θ_i, θ_o that see shadows), on at least 4 times the points" if asked.shadowing else ""
+    return f", each up to {pairs * local:,} transforms{finer}"
 
 
 def _verdict_stages(scene: Scene) -> list[Stage]:
@@ -273,7 +287,9 @@ def with_folder(path: Path) -> Path:
 def _warnings(scene: Scene, inputs: assembly.Inputs) -> list[str]:
     found: list[str] = []
     if inputs.surface is not None and scene.wave is not None:
-        found += wave_warnings(inputs.surface, scene.wave.theory, scene.light, _largest_theta_o(scene))
+        found += wave_warnings(
+            inputs.surface, scene.wave.theory, scene.light, _largest_theta_o(scene), scene.wave.shadowing
+        )
     if inputs.measured is not None and scene.light is not None:
         found += _measured_warnings(inputs.measured, scene.light)
     return found

@@ -31,12 +31,14 @@ def curvature_radius_um(surface: Heightfield) -> float:
     return 1 / rms if rms > 0 else np.inf
 
 
-def wave_warnings(surface: Heightfield, theories: list[str], light: Any, largest_theta_o: float) -> list[str]:
+def wave_warnings(
+    surface: Heightfield, theories: list[str], light: Any, largest_theta_o: float, shadowing: bool = False
+) -> list[str]:
     """One line for every criterion that the surface, the angles or the coherence length fail."""
     angles = max(float(np.max(np.abs(light.theta_i_deg))), largest_theta_o)
     found = [
         *_steep(surface),
-        *_grazing(surface, angles),
+        *(() if shadowing else _grazing(surface, angles)),
         *_curved(surface, float(np.max(np.abs(light.theta_i_deg))), max(light.wavelength_nm)),
         *_unresolved(surface, light, largest_theta_o),
         *_coherence(surface, light.coherence_um),
@@ -67,8 +69,8 @@ def _grazing(surface: Heightfield, largest: float) -> list[str]:
     if largest <= limit or surface.interpolation == "nearest":
         return []
     return [
-        f"shadowing matters beyond {limit:.0f}° (slope α = {a:.3g}; Smith 1967) and is not in the wave theories: "
-        f"angles up to {largest:g}° were asked for, expect too much light there"
+        f"shadowing matters beyond {limit:.0f}° (slope α = {a:.3g}; Smith 1967) and is not asked for: expect "
+        f"too much light at angles up to {largest:g}°, or set wave.shadowing = true"
     ]
 
 

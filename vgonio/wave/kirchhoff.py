@@ -5,48 +5,45 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from ..dataset import brdf_dataset, versions
-from ..directions import Detector, Incoming, half_vectors, wavelength_list
+from ..directions import Detector, Incoming, wavelength_list
 from ..errors import InputError, VgonioWarning, nearest
 from ..materials import Material, material
 from ..surface.heightfield import Heightfield
 from ..units import wavenumber
 from . import gratings, windowed
+from .amplitudes import HalfVector, LocalFacet, Model
 from .coherence import WindowPlan
-from .cone import Nodes, cell_nodes, cone_nodes
-from .fourier import METHODS, apply, check_method
-from .quadrature import Complex, Floats, choose_rule, rates
-from .theories import DESCRIPTION, THEORIES, amplitude, scattering_vector
+from .fourier import METHODS, check_method
+from .job import Job, detector_job
+from .quadrature import Floats, choose_rule, rates
+from .theories import DESCRIPTION, THEORIES
+from .weighted import Place, Shadows, intensity
 
-NODES_PER_CELL = 4  # directions evaluated in each cell of a hemisphere, per window
+FRESNEL = ("half", "local")
 MIN_WINDOWS = 4  # fewer independent windows say too little about their spread
+EDGES_CHECKED = 24  # directions for which shadows are found again on a finer grid
+SHARPER = 2.0  # how much finer points are to begin with where shadows cut them
+SHARPENED = 3  # steps of 1.5 beyond that, at most: the points of the last but one are ten times those without shadows
 SPECKLE_NODES = 2 * np.pi  # nodes of spacing 1/ℓ in the area of one speckle: Σ exp(−n²/2) over a square grid
 
 
-@dataclass(frozen=True, eq=False)
-class Job:
-    """Everything that is wanted of one set of windows: scattering vectors and where their |S|² goes.
+@dataclass(frozen=True)
+class How:
+    """How the sums are done: spacing of the points along y and x in µm, rule, method, accuracy of the transform,
+    azimuth along which rows of scattering vectors run (None: they lie all over the hemisphere)."""
 
-    q : (m, 3);  factor : (m,) what makes f of |S|²/A_w;  weight : (m,) in the mean over the detector element
-    target : (m,) flat index (theta_i, element, w) into `shape`
-    """
-
-    q: Floats
-    factor: Floats
-    weight: Floats
-    target: NDArray[np.int64]
-    shape: tuple[int, int, int]
-
-    def gather(self, values: Floats) -> Floats:
-        summed = np.bincount(self.target, values, int(np.prod(self.shape)))
-        return np.asarray(summed, np.float64).reshape(self.shape)
+    rule: str
+    method: str
+    azimuth: float | None
+    spacing: tuple[float, float] = (0.0, 0.0)
+    eps: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -58,6 +55,10 @@ class Kirchhoff:
     tol : numerical error of brdf relative to its largest value in θ_o, per θ_i and λ
     method : of `surface_fourier`: "nufft", "opencl", "reference" or "auto"
     windows : at most so many coherence windows, spread over the sample; None takes all that tile it
+    shadowing : points that the source or the centre of the detector element cannot see get weight zero; A_w stays that
+        of the whole window. Each shadowed pair of source and element costs a transform of its own in every window
+    fresnel : reflectance at the "half" vector, or amplitudes at each "local" facet (s and p apart, no cross-
+        polarisation; two transforms for each angle of incidence and wavelength)
 
     The mean over windows and over the detector cone is the BRDF, the spread over windows its standard error. Single
     scattering only; nothing is renormalised: where a theory returns more or less than it got, the numbers show it.
@@ -71,6 +72,8 @@ class Kirchhoff:
     theory: str = "kirchhoff"
     windows: int | None = None
     seed: int = 0
+    shadowing: bool = False
+    fresnel: str = "half"
     progress: Callable[[float], None] | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -79,6 +82,8 @@ class Kirchhoff:
             raise InputError(f"theory {self.theory!r}: {nearest(str(self.theory), THEORIES)}")
         if self.method not in METHODS:
             raise InputError(f"method {self.method!r}: {nearest(str(self.method), METHODS)}")
+        if self.fresnel not in FRESNEL:
+            raise InputError(f"fresnel {self.fresnel!r}: {nearest(str(self.fresnel), FRESNEL)}")
         if not 0 < self.tol < 1:
             raise InputError(f"tol = {self.tol}: a relative error between 0 and 1 is needed")
         if self.windows is not None and self.windows < 1:
@@ -87,7 +92,12 @@ class Kirchhoff:
         self.material.check(self.wavelength_nm)  # type: ignore[union-attr]
 
     def orders(self, surface: Heightfield, theta_i_deg: Any) -> xr.Dataset:
-        """Diffraction efficiencies of a periodic profile: `efficiency (theta_i, order, wavelength)`."""
+        """Diffraction efficiencies of a periodic profile: `efficiency (theta_i, order, wavelength)`.
+
+        Raises InputError for options that orders do not have: shadowing, Fresnel at the local facet.
+        """
+        if self.shadowing or self.fresnel != "half":
+            raise InputError("orders of a grating hold neither shadowing nor fresnel = 'local': use scatter")
         return gratings.orders(self, surface, theta_i_deg)
 
     def scatter(self, surface: Heightfield, incoming: Incoming, detector: Detector) -> xr.Dataset:
@@ -95,32 +105,38 @@ class Kirchhoff:
         start = time.perf_counter()
         surface.require_complete()
         plan = WindowPlan.of(surface, incoming.coherence_um, self.windows)
-        job = self._job(incoming, detector, plan.step)
+        job = detector_job(incoming, detector, wavenumber(self.wavelength_nm), plan.step, self.theory, self.seed)
         # the slope of a window at its end is one kink more
         rule = choose_rule(surface, incoming.coherence_um is not None, False, self.tol / 20)
         method = "nufft" if self.method == "auto" else self.method
         azimuth = float(np.deg2rad(incoming.phi_deg)) if detector.kind == "in-plane" else None
-        spacing, eps, error, points = self._refine(surface, plan, job, rule, method, azimuth)
+        model = self._model(incoming.polarisation)
+        how, error, points = self._refine(surface, plan, job, model, How(rule, method, azimuth))
+        shadows, edges = None, 0.0
+        if self.shadowing:
+            coarse = how.spacing
+            how, shadows, edges = self._sharpen(surface, plan, job, model, how)
+            points = round(points * np.prod(np.divide(coarse, how.spacing)))
 
-        total, square, single = np.zeros(job.shape), np.zeros(job.shape), np.zeros(job.shape)
-        sums = self._sums(surface, plan, job, spacing, eps, rule, method, azimuth)
-        for n, (S, area) in enumerate(sums):
-            intensity = job.factor * np.abs(S) ** 2 / area
-            f = job.gather(job.weight * intensity)
+        total, square, single = (np.zeros((model.outcomes, *job.shape)) for _ in range(3))
+        for n, values in enumerate(self._intensities(surface, plan, job, model, how, shadows)):
+            f = job.gather(job.weight * values)
             total, square = total + f, square + f**2
-            single += job.gather(job.weight * intensity**2)
+            single += job.gather(job.weight * values**2)
             if self.progress:
                 self.progress((n + 1) / len(plan.windows))
         count = len(plan.windows)
-        brdf = total / count
-        stderr, estimate = _standard_error(brdf, square / count, single / count, job, plan)
-        data = self._dataset(brdf, stderr, incoming, detector)
+        mean = total / count
+        stderr, estimate = _standard_error(mean, square / count, single / count, job, plan)
+        data = self._dataset(mean[0], stderr[0], incoming, detector)
+        if shadows is not None:
+            data.attrs |= {"shadow_step_um": shadows.step_um, "shadow_edge_error": edges}
         data.attrs |= plan.attrs | {
-            "error_achieved": error,
+            "error_achieved": max(error, edges),
             "error_estimate": "largest change of brdf on a grid 1.5 times finer, relative to its maximum over the "
             "detector, in the central window for some angles and wavelengths; the finer one by a direct sum if quick",
             "stderr_estimate": estimate,
-            "spacing_um": float(min(spacing)),
+            "spacing_um": float(min(how.spacing)),
             "points_per_window": points,
             "scattering_vectors": len(job.q),
             "method_used": method,
@@ -130,93 +146,87 @@ class Kirchhoff:
         }
         return data
 
-    # ---- what is wanted
-    def _job(self, incoming: Incoming, detector: Detector, step: float) -> Job:
-        k = wavenumber(self.wavelength_nm)
-        directions, share = incoming.spread()
-        rng = np.random.default_rng(self.seed)
-        across = np.array([-np.sin(np.deg2rad(incoming.phi_deg)), np.cos(np.deg2rad(incoming.phi_deg)), 0.0])
-        shape = (len(directions), len(detector), len(k))
-        parts = []
-        parallel: Nodes | None = None
-        for i, source in enumerate(directions):
-            up = source[:, 2] > 1e-4
-            for wi, w in zip(source[up], share[up] / share[up].sum()):
-                if detector.kind == "hemisphere":
-                    nodes = cell_nodes(detector, k, NODES_PER_CELL, rng)
-                elif incoming.divergence_deg == 0:
-                    nodes = parallel = parallel or cone_nodes(detector, k, step)
-                else:
-                    nodes = cone_nodes(detector, k, step, float(wi @ across))
-                parts.append(
-                    (
-                        *self._terms(wi, nodes, incoming.polarisation),
-                        nodes.weight * w,
-                        nodes.target + i * shape[1] * shape[2],
-                    )
-                )
-        q, factor, weight, target = (np.concatenate(p) for p in zip(*parts))
-        return Job(q, factor, weight, target, shape)
+    # ---- one window after the other
+    def _model(self, polarisation: str) -> Model:
+        if self.fresnel == "local":
+            return LocalFacet(self.theory, self.material, polarisation)  # type: ignore[arg-type]
+        return HalfVector(self.theory, self.material, self.wavelength_nm, polarisation)  # type: ignore[arg-type]
 
-    def _terms(self, wi: Floats, nodes: Nodes, polarisation: str) -> tuple[Floats, Floats]:
-        """q and k²/(4π²) C² R / (cos θ_i cos θ_o) at the nodes."""
-        wo = nodes.direction
-        q = scattering_vector(self.theory, nodes.k, wi, wo)
-        reflectance = np.empty(len(wo))
-        cos_h = np.clip(np.sum(half_vectors(wi, wo) * wi, axis=1), 0, 1)
-        for k, wavelength in zip(wavenumber(self.wavelength_nm), self.wavelength_nm):
-            at = nodes.k == k
-            reflectance[at] = self.material.reflectance(cos_h[at], wavelength, polarisation)  # type: ignore[union-attr]
-        c = amplitude(self.theory, wi, wo)
-        return q, nodes.k**2 / (4 * np.pi**2) * c**2 * reflectance / (wi[2] * wo[:, 2])
-
-    def _sums(
-        self,
-        surface: Heightfield,
-        plan: WindowPlan,
-        job: Job,
-        spacing: tuple[float, float],
-        eps: float,
-        rule: str,
-        method: str,
-        azimuth: float | None,
-    ) -> Iterator[tuple[Complex, float]]:
-        """S and A_w of every window: together where all windows and rows can share the work, one by one otherwise."""
-        shared = method == "nufft" and rule == "uniform" and azimuth is not None and np.sin(azimuth) == 0
-        if shared and not surface.is_profile and len(np.unique(np.round(job.q[:, 1], 9))) >= windowed.MIN_ROWS:
-            yield from windowed.sums(surface, plan.gaussian, spacing, job.q, eps)
+    def _intensities(
+        self, surface: Heightfield, plan: WindowPlan, job: Job, model: Model, how: How, shadows: Shadows | None
+    ) -> Iterator[Floats]:
+        """f (outcomes, m) of every window: together where all windows and rows can share the work, else one by one."""
+        plain = not model.local and shadows is None and not surface.is_profile
+        shared = (
+            how.method == "nufft" and how.rule == "uniform" and how.azimuth is not None and np.sin(how.azimuth) == 0
+        )
+        if plain and shared and len(np.unique(np.round(job.q[:, 1], 9))) >= windowed.MIN_ROWS:
+            prefactor = job.prefactor
+            for S, area in windowed.sums(surface, plan.gaussian, how.spacing, job.q, how.eps):
+                yield model.intensity(S[None], job) * (prefactor / area)
             return
         for window in plan.windows:
-            grid, area = plan.points(surface, window, spacing, rule)
-            yield apply(method, grid, job.q, eps, azimuth), area
+            place = Place.of(surface, plan, window, how.spacing, how.rule)
+            yield intensity(place, surface, job, model, self.wavelength_nm, shadows, how.method, how.eps, how.azimuth)
 
     # ---- how finely
     def _refine(
-        self, surface: Heightfield, plan: WindowPlan, job: Job, rule: str, method: str, azimuth: float | None
-    ) -> tuple[tuple[float, float], float, float, int]:
+        self, surface: Heightfield, plan: WindowPlan, job: Job, model: Model, how: How
+    ) -> tuple[How, float, int]:
         """Spacing of the points and tolerance of the transform, from the fastest phases and then from trial: the
         error of brdf in the central window. (Where all directions are weak, the transform has to be tighter.)"""
-        per_cycle = {"uniform": 1.0, "gauss": 2.2, "cells": 1.0}[rule] + 0.15 * -np.log10(self.tol)
+        per_cycle = {"uniform": 1.0, "gauss": 2.2, "cells": 1.0}[how.rule] + 0.15 * -np.log10(self.tol)
         spacing = 2 * np.pi / np.maximum(rates(surface, job.q), 1e-9) / per_cycle
         part, window = plan.trial(surface)
-        if window is not None:
-            spacing = np.minimum(spacing, np.array(window.half) / 12)
-        some = _checked(job)
+        some = job.some(job.checked())
         eps, error, size = self.tol / 30, 0.0, 0
-        for _ in range(9):
-            grid, area = plan.points(part, window, tuple(spacing), rule)
-            size = round(grid.size * surface.area_um2 / part.area_um2)
-            fine, fine_area = plan.points(part, window, tuple(spacing / 1.5), rule)
-            q, other = job.q[some], check_method(method, fine, job.q[some], self.tol)
-            f = job.factor[some] * np.abs(apply(method, grid, q, eps, azimuth)) ** 2 / area
-            g = job.factor[some] * np.abs(apply(other, fine, q, eps / 5, azimuth)) ** 2 / fine_area
-            error = _relative_to_peak(job.target[some], job.shape, f, g)
-            if error <= 0.8 * self.tol or rule == "cells":
+        for _ in range(6):
+            place = Place.of(part, plan, window, tuple(spacing), how.rule)
+            size = round(place.points.size * surface.area_um2 / part.area_um2)
+            fine = Place.of(part, plan, window, tuple(spacing / 1.5), how.rule)
+            other = check_method(how.method, fine.points, some.q, self.tol)
+            f = intensity(place, part, some, model, self.wavelength_nm, None, how.method, eps, how.azimuth)
+            g = intensity(fine, part, some, model, self.wavelength_nm, None, other, eps / 5, how.azimuth)
+            error = some.relative_to_peak(f[0], g[0])
+            if error <= 0.8 * self.tol or how.rule == "cells":
                 break
             spacing, eps = spacing / 1.3, eps / 10
         if error > self.tol:
             warnings.warn(f"waves: error {error:.1e} instead of {self.tol:.1e}", VgonioWarning, stacklevel=4)
-        return (float(spacing[0]), float(spacing[1])), eps, float(error), size
+        return replace(how, spacing=(float(spacing[0]), float(spacing[1])), eps=eps), float(error), size
+
+    def _sharpen(
+        self, surface: Heightfield, plan: WindowPlan, job: Job, model: Model, how: How
+    ) -> tuple[How, Shadows, float]:
+        """Points and shadows so fine that edges of shadows, which are cuts, meet the tolerance, as far as memory
+        allows; and the error that is left: the change of brdf, relative to its maximum over the detector, when both
+        are 1.5 times finer, in the central window for some directions."""
+        checked = job.checked()
+        some = job.some(checked[:: max(1, len(checked) // EDGES_CHECKED)])
+        window = plan.windows[len(plan.windows) // 2]
+
+        def trial(factor: float) -> tuple[How, Shadows, Floats]:
+            finer = replace(how, spacing=(how.spacing[0] / factor, how.spacing[1] / factor))
+            shadows = Shadows.of(surface, finer.spacing)
+            place = Place.of(surface, plan, window, finer.spacing, how.rule)
+            f = intensity(place, surface, some, model, self.wavelength_nm, shadows, how.method, how.eps, how.azimuth)
+            return finer, shadows, f[0]
+
+        found, error = trial(SHARPER), 0.0
+        for n in range(1, SHARPENED + 1):
+            finer = trial(SHARPER * 1.5**n)
+            error = some.relative_to_peak(found[2], finer[2])
+            if error <= self.tol or n == SHARPENED or finer[1].refine == found[1].refine:
+                break
+            found = finer
+        if error > self.tol:
+            warnings.warn(
+                f"waves: edges of shadows, found to {found[1].step_um:.2g} µm, make an error of {error:.1e} instead of "
+                f"{self.tol:.1e}",
+                VgonioWarning,
+                stacklevel=4,
+            )
+        return found[0], found[1], error
 
     def _dataset(self, brdf: Floats, stderr: Floats, incoming: Incoming, detector: Detector) -> xr.Dataset:
         over = ("theta_i", *detector.dims, "wavelength")
@@ -231,7 +241,9 @@ class Kirchhoff:
             detector,
             phi_i_deg=incoming.phi_deg,
             attrs={
-                "method": f"waves: {DESCRIPTION[self.theory]}, single scattering, no shadowing",
+                "method": f"waves: {DESCRIPTION[self.theory]}, single scattering, "
+                + ("shadowing of source and detector" if self.shadowing else "no shadowing"),
+                "fresnel": {"half": "at the half vector", "local": "at each facet"}[self.fresnel],
                 "solver": "Kirchhoff",
                 "theory": self.theory,
                 "material": self.material.name,  # type: ignore[union-attr]
@@ -243,32 +255,6 @@ class Kirchhoff:
                 "seed": self.seed,
             },
         )
-
-
-def _checked(job: Job) -> NDArray[np.int64]:
-    """Scattering vectors that are computed again: every detector element at two angles and two wavelengths.
-
-    In each element the vector closest to mirror reflection, so that the peak of a narrow lobe is among them.
-    """
-    angles, elements, wavelengths = job.shape
-    tilt = np.hypot(job.q[:, 0], job.q[:, 1]) / job.q[:, 2]
-    order = np.lexsort((tilt, job.target))
-    first = np.searchsorted(job.target[order], np.arange(np.prod(job.shape) + 1))
-    wanted = [
-        (i * elements + e) * wavelengths + w
-        for i in sorted({0, angles - 1})
-        for w in sorted({0, wavelengths // 2})
-        for e in range(0, elements, max(1, elements // 64))
-    ]
-    return np.array([order[first[t]] for t in wanted if first[t + 1] > first[t]])
-
-
-def _relative_to_peak(target: NDArray[np.int64], shape: tuple[int, int, int], f: Floats, g: Floats) -> float:
-    """Largest |f − g| relative to the largest f of the same angle of incidence and wavelength."""
-    group = target // (shape[1] * shape[2]) * shape[2] + target % shape[2]
-    peak = np.zeros(shape[0] * shape[2])
-    np.maximum.at(peak, group, np.maximum(f, g))
-    return float(np.max(np.abs(f - g) / np.maximum(peak[group], 1e-300), initial=0.0))
 
 
 def _standard_error(brdf: Floats, square: Floats, single: Floats, job: Job, plan: WindowPlan) -> tuple[Floats, str]:

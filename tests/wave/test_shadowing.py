@@ -1,0 +1,90 @@
+"""Shadows of source and detector in the wave solver: closed forms of facets, and what must not change."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+import vgonio as vg
+from vgonio.errors import InputError, VgonioWarning
+from vgonio.surface import Heightfield
+from vgonio.wave import Kirchhoff
+
+
+def gaussian(sigma: float, correlation: float, side: float, pitch: float = 0.5) -> Heightfield:
+    n = round(side / pitch)
+    return vg.surface.gaussian(rms_um=sigma, correlation_um=correlation, shape=(n, n), pitch_um=pitch, seed=1)
+
+
+def ridges(period_um: float = 64.0, slope_deg: float = 30.0) -> Heightfield:
+    """Facets of ± slope_deg, large against the wavelength."""
+    n = 16
+    z = np.concatenate([np.arange(n), np.arange(n, 0, -1)]) * period_um / (2 * n) * np.tan(np.deg2rad(slope_deg))
+    return Heightfield(np.tile(z, (2, 1)), period_um / (2 * n), periodic=True, interpolation="linear")
+
+
+def lobe(theta_i: float, theta_o: float, **options) -> float:
+    """Reflected power in a lobe of ±8° in the plane, over the incident power."""
+    gonio = vg.measure.Gonioreflectometer([theta_i], [theta_o], aperture_deg=16, coherence_um=60)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", VgonioWarning)  # edges of shadows: their error is far below what is tested
+        data = gonio.measure(ridges(), Kirchhoff("perfect", [300], tol=1e-2, **options))
+    return data.brdf.item() * gonio.detector.projected_solid_angle[0]
+
+
+def test_facets_in_shadow():
+    """θ_i = 70° on facets of 30°: one kind faces away, of the other the part 2 cot θ_i/(tan 30° + cot θ_i) is lit.
+
+    The lobe at θ_o = −10° holds the light on that facet, (P/2)/cos 30° · cos 40°/(P cos 70°) of the incident. Facets
+    of 37 µm diffract 300 nm by about 0.5°: the lobe's wings beyond 8° and the seams of the mesh hold a few per cent.
+    """
+    facet = np.cos(np.deg2rad(40)) / (2 * np.cos(np.deg2rad(30)) * np.cos(np.deg2rad(70)))
+    cot = 1 / np.tan(np.deg2rad(70))
+    share = 2 * cot / (np.tan(np.deg2rad(30)) + cot)
+    assert lobe(70, -10) == pytest.approx(facet, rel=0.05)
+    assert lobe(70, -10, shadowing=True) == pytest.approx(facet * share, rel=0.05)
+
+
+def test_facets_behind_others():
+    """The same path backwards: what the detector does not see is missing to the same extent (reciprocity)."""
+    forward = lobe(70, -10, shadowing=True) / np.cos(np.deg2rad(10))
+    backward = lobe(-10, 70, shadowing=True) / np.cos(np.deg2rad(70))
+    assert backward == pytest.approx(forward, rel=0.05)
+
+
+def test_nothing_changes_where_nothing_is_shadowed():
+    """Slopes up to 25°, directions within 45°."""
+    surface = gaussian(0.15, 3.0, side=24)
+    gonio = vg.measure.Gonioreflectometer([0, 40], range(-45, 46, 15), aperture_deg=4, coherence_um=6)
+    plain, shadowed = (gonio.measure(surface, Kirchhoff("Al", [500], shadowing=s)) for s in (False, True))
+    assert float((abs(plain.brdf - shadowed.brdf) / plain.brdf.max("theta_o")).max()) < 1e-3  # both to tol
+    assert shadowed.attrs["shadow_edge_error"] < 1e-3
+    assert "no shadowing" in plain.attrs["method"]
+    assert "shadowing of source and detector" in shadowed.attrs["method"]
+
+
+def test_grazing_light_returns_less():
+    """Unshadowed Kirchhoff returns more than it gets at 80°; with shadows clearly less than that."""
+    surface = gaussian(0.6, 3.0, side=20, pitch=0.25)
+    gonio = vg.measure.Gonioreflectometer.hemisphere([80], resolution_deg=22.5, coherence_um=4)
+    plain, shadowed = (
+        gonio.measure(surface, Kirchhoff("perfect", [500], tol=3e-2, shadowing=s)).energy_reflected.item()
+        for s in (False, True)
+    )
+    assert plain > 1.1
+    assert 0.5 < shadowed < plain - 0.1
+
+
+def test_edges_of_shadows_that_miss_the_tolerance_are_warned_of():
+    surface = gaussian(0.6, 3.0, side=20, pitch=0.5)
+    gonio = vg.measure.Gonioreflectometer([75], [-75, 0], aperture_deg=2, coherence_um=4)
+    with pytest.warns(VgonioWarning, match="edges of shadows"):
+        data = gonio.measure(surface, Kirchhoff("Al", [500], tol=1e-5, shadowing=True, windows=1))
+    assert data.attrs["error_achieved"] >= data.attrs["shadow_edge_error"] > 1e-5
+
+
+def test_orders_have_no_shadows():
+    with pytest.raises(InputError, match="scatter"):
+        Kirchhoff(shadowing=True).orders(ridges(), [0])
