@@ -70,7 +70,7 @@ class Recording(Embree):
         return found
 
 
-def intersections(rays: int, repeat: int = 3) -> dict[str, float]:
+def intersections(rays: int, repeat: int = 7) -> dict[str, float]:
     """Our intersection stage against bare embreex on the very same rays; the least of `repeat` runs."""
     TRACERS["recording"] = Recording
     scene = Scene.of(rough(), 1, "recording")

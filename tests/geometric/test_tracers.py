@@ -133,12 +133,12 @@ def test_memory_does_not_grow_with_the_rays():
     surface, gonio = rough(64), Gonioreflectometer.hemisphere([30], resolution_deg=10)
     peaks = []
     gonio.measure(surface, RayOptics("Al", [450, 550], rays=1000))
-    for rays in (131_072, 20 * 131_072):
+    for rays in (100_000, 2_000_000):
         tracemalloc.start()
         gonio.measure(surface, RayOptics("Al", [450, 550], rays=rays, threads=1))
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-    assert peaks[1] < 1.6 * peaks[0]
+    assert peaks[1] < 1.5 * peaks[0]
 
 
 def test_planes_of_big_meshes_are_worked_out_for_hits_only(monkeypatch):

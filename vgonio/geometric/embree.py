@@ -33,5 +33,6 @@ class Embree:
         if len(position) == 0:
             return np.zeros(0, np.int32)
         single = np.empty(position.shape, np.float32)
-        np.subtract(position, self.origin, out=single, casting="same_kind")
+        for axis in range(3):  # by columns: numpy's inner loop would be three numbers long
+            np.subtract(position[:, axis], self.origin[axis], out=single[:, axis], casting="same_kind")
         return self.scene.run(single, direction.astype(np.float32))

@@ -17,7 +17,7 @@ from .singles import Counts, Sort, count_batch, sorted_counts
 from .tally import Tally
 
 Floats = NDArray[np.float64]
-BATCH = 1 << 17  # rays of one batch: bounds the memory, whatever the number of rays
+BATCH = 1 << 16  # rays of one batch: bounds the memory, and leaves the tracer its share of the cache
 ESTIMATORS = ("auto", "binning", "facets")
 MARGIN = 1.1  # more work than a pilot says, so that the next look is mostly the last
 POINTS_BESIDE_RAYS = 4  # without a tolerance: one point on a facet for so many rays
@@ -57,7 +57,7 @@ def sample_angle(
         if settings.tol is None:
             work.more(settings.rays, -(-settings.rays // POINTS_BESIDE_RAYS))
             return work.result(), work.estimator, work.points
-        pilot = min(settings.rays, BATCH // 2)
+        pilot = min(settings.rays, BATCH)
         work.more(pilot, pilot)
         while True:
             total = work.result()
