@@ -1,0 +1,64 @@
+"""What rays and waves have to agree on, on the same interpolated surface, and a blazed grating in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import vgonio as vg
+
+ANGLES = np.array([-60, -40, -30, -20, 0, 20])
+
+
+@pytest.mark.parametrize("theory", ["kirchhoff", "generalized-harvey-shack"])
+def test_short_wavelengths_become_rays(theory):
+    """λ → 0, mean over windows and a wide cone: Kirchhoff gives the rays' single-bounce BRDF, GHS that times cos⁴θ_h.
+
+    Gaussian surface, α = 0.2, σ/λ = 2, nothing masked. What is left over 5 standard errors: 6 % of the value for the
+    finite wavelength and the cone, over which the lobe is not constant.
+    """
+    surface = vg.surface.gaussian(rms_um=0.8, correlation_um=8, shape=(192, 192), pitch_um=0.5, seed=3)
+    gonio = vg.measure.Gonioreflectometer([30], ANGLES, aperture_deg=12, coherence_um=5)
+    waves = gonio.measure(surface, vg.wave.Kirchhoff("perfect", [400], theory=theory)).isel(theta_i=0, wavelength=0)
+    rays = gonio.measure(surface, vg.geometric.RayOptics("perfect", [400], rays=300_000, refinement=4))
+    rays = rays.isel(theta_i=0, wavelength=0)
+    expected = rays.brdf_by_bounce.sel(bounce=1).values
+    if theory != "kirchhoff":
+        expected = expected * np.cos(np.deg2rad((ANGLES + 30) / 2)) ** 4
+    error = np.hypot(waves.brdf_stderr, rays.brdf_stderr).values
+    bright = expected > 1e-2 * expected.max()
+    assert bright.sum() >= 4
+    assert np.all(np.abs(waves.brdf.values - expected)[bright] < (5 * error + 0.06 * expected)[bright])
+
+
+def test_harvey_shack_is_another_theory_off_the_normal():
+    """The original form takes q_z = 2k: at 60° it scatters as if the surface were twice as rough."""
+    surface = vg.surface.gaussian(rms_um=0.05, correlation_um=4, shape=(96, 96), pitch_um=0.5, seed=3)
+    gonio = vg.measure.Gonioreflectometer([60], [-60], aperture_deg=4, coherence_um=10)
+    coherent = {}
+    for theory, qz in (("generalized-harvey-shack", 4 * np.pi / 0.5 * 0.5), ("harvey-shack", 4 * np.pi / 0.5)):
+        data = gonio.measure(surface, vg.wave.Kirchhoff("perfect", [500], theory=theory))
+        share = data.brdf.item() * gonio.detector.projected_solid_angle[0]
+        coherent[theory] = share
+        # exp(−(q_z σ)²) stays coherent; the cone also catches up to a quarter of what is scattered
+        stays = np.exp(-((qz * 0.05) ** 2))
+        assert stays - 0.05 < share < stays + 0.25 * (1 - stays)
+    assert coherent["harvey-shack"] < coherent["generalized-harvey-shack"] - 0.2
+
+
+def test_blazed_grating_in_closed_form():
+    """A polygon: each side contributes ∫ exp(−i(q_x x + q_z z)) dx in closed form; orders agree to 1e-8."""
+    surface = vg.surface.blazed(period_um=2.0, blaze_deg=10.0, shape=(4, 200), pitch_um=0.05)
+    x, z = surface.x, surface.z[0]
+    x = np.append(x, x[0] + 10.0)
+    z = np.append(z, z[0])
+    m = np.arange(-4, 5)
+    q = np.stack([2 * np.pi * m / 2.0, 0 * m, np.full(m.shape, 19.0)], axis=1)
+    a = q[:, :1] * np.diff(x) + q[:, 2:] * np.diff(z)
+    start = np.exp(-1j * (q[:, :1] * x[:-1] + q[:, 2:] * z[:-1]))
+    sides = start * np.diff(x) * np.exp(-0.5j * a) * np.sinc(a / (2 * np.pi))
+    exact = sides.sum(axis=1) * surface.size_um[0]
+    found = vg.wave.surface_fourier(surface, q, tol=1e-9)
+    assert np.linalg.norm(found - exact) < 1e-8 * np.linalg.norm(exact)
+    # 10° at q_z = 19 blazes towards the order whose q_x = −q_z tan 10°
+    assert abs(m[np.argmax(np.abs(found))] + 19.0 * np.tan(np.deg2rad(10)) * 2 / (2 * np.pi)) < 1
