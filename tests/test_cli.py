@@ -340,6 +340,21 @@ def test_ctrl_c_ends_with_130_and_keeps_what_was_finished(scene, sent):
     assert "rays" in vg.open(scene.parent / "long.partial.nc").children
 
 
+def test_a_terminal_without_greek_is_no_reason_to_fail(scene):
+    """Where standard output is not Unicode (other locales, old terminals), question marks stand for the letters."""
+    command = [sys.executable, "-m", "vgonio", "plan", str(scene)]
+    done = subprocess.run(command, env={**os.environ, "PYTHONIOENCODING": "ascii"}, capture_output=True, check=True)
+    assert b"points, pitch 0.5 ? 0.5 ?m" in done.stdout
+
+
+def test_a_missing_package_is_named(scene, monkeypatch, capsys):
+    monkeypatch.setattr("vgonio.cli.simulate.print_table", lambda *_: __import__("no_such_package"))
+    assert main(["plan", str(scene)]) == 2
+    assert capsys.readouterr().err == (
+        "vgonio: error: the Python package no_such_package is missing: pip install no_such_package\n"
+    )
+
+
 def test_an_internal_error_is_status_1_and_one_line(scene, monkeypatch, capsys):
     import vgonio.planning
 

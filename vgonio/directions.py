@@ -50,6 +50,14 @@ def wavelength_list(values: ArrayLike, name: str = "wavelength_nm") -> Floats:
     return a
 
 
+def scalar(value: float, name: str) -> float:
+    """`value` as one real number, NaN and infinity included; InputError for anything else."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {value!r}: one number is needed") from None
+
+
 def unit_vectors(theta: ArrayLike, phi: ArrayLike = 0.0) -> Floats:
     """(…, 3) unit vectors of polar angle θ (signed in plane) and azimuth φ, both in radians."""
     theta, phi = np.broadcast_arrays(np.asarray(theta, float), np.asarray(phi, float))
@@ -80,6 +88,10 @@ class Incoming:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "theta_deg", angle_list(self.theta_deg, "theta_i_deg"))
+        for key, name in (("phi_deg", "phi_i_deg"), ("divergence_deg", "divergence_deg")):
+            object.__setattr__(self, key, scalar(getattr(self, key), name))
+        if self.coherence_um is not None:
+            object.__setattr__(self, "coherence_um", scalar(self.coherence_um, "coherence_um"))
         if not np.isfinite(self.phi_deg):
             raise InputError(f"phi_i_deg = {self.phi_deg} is not a finite angle in degrees")
         if self.coherence_um is not None and not (np.isfinite(self.coherence_um) and self.coherence_um > 0):
@@ -164,7 +176,8 @@ class Detector:
     def in_plane(theta_o_deg: ArrayLike, aperture_deg: float, phi_deg: float = 0.0) -> Detector:
         """Cones of full angle `aperture_deg` at the signed angles θ_o of the plane with azimuth φ."""
         theta = angle_list(theta_o_deg, "theta_o_deg")
-        if not (np.isfinite(aperture_deg) and 0 < aperture_deg <= 90):
+        aperture_deg = scalar(aperture_deg, "aperture_deg")
+        if not 0 < aperture_deg <= 90:
             raise InputError(f"aperture_deg = {aperture_deg}°: allowed is 0 < aperture ≤ 90° (full angle of the cone)")
         return Detector(
             "in-plane", theta, np.full(theta.shape, float(phi_deg)), ("theta_o",), float(radians(aperture_deg / 2))
@@ -173,7 +186,8 @@ class Detector:
     @staticmethod
     def hemisphere(resolution_deg: float = 5.0) -> Detector:
         """Cells of nearly equal solid angle: a cap around the pole, then rings of height `resolution_deg`."""
-        if not (np.isfinite(resolution_deg) and 0.25 <= resolution_deg <= 45):
+        resolution_deg = scalar(resolution_deg, "resolution_deg")
+        if not 0.25 <= resolution_deg <= 45:
             raise InputError(f"resolution_deg = {resolution_deg}°: allowed is 0.25° … 45°")
         rings = max(2, round((90 - resolution_deg / 2) / resolution_deg) + 1)
         edges = np.concatenate([[0.0], resolution_deg / 2 + (90 - resolution_deg / 2) * np.arange(rings) / (rings - 1)])

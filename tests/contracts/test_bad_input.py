@@ -211,6 +211,20 @@ def test_empty_lists(refused, key):
     assert key.split(".")[1] in refused(*setting(f"{key}=[]"))
 
 
+@pytest.mark.parametrize("name", ["aperture_deg", "coherence_um", "divergence_deg", "phi_i_deg", "resolution_deg"])
+@pytest.mark.parametrize("value", ["a", [], [1, 2], {}, 1j, object()])
+def test_an_instrument_takes_one_number(name, value):
+    theta_o = None if name == "resolution_deg" else [0]
+    with pytest.raises(vg.errors.InputError, match=name):
+        vg.measure.Gonioreflectometer(theta_i_deg=[0], theta_o_deg=theta_o, **{name: value})
+
+
+def test_only_a_height_field_is_measured():
+    gonio = vg.measure.Gonioreflectometer(theta_i_deg=[0], theta_o_deg=[0])
+    with pytest.raises(vg.errors.InputError, match="Heightfield"):
+        gonio.measure(np.zeros((4, 4)), vg.geometric.RayOptics())
+
+
 def test_a_crop_that_is_no_length(refused):
     assert "crop_um = []" in refused(*setting("surface.crop_um=[]"))
     assert "crop_um = -1:" in refused(*setting("surface.crop_um=-1"))

@@ -134,6 +134,10 @@ def test_power_law_has_its_exponent_and_cut_offs():
         lambda: sf.sandblasted(coverage=0),
         lambda: sf.sandblasted(depth_spread=-0.1),
         lambda: sf.sandblasted(resolution_um=-1),
+        lambda: sf.sandblasted(resolution_um=1e300),
+        lambda: sf.sandblasted(pitch_um=1e300),
+        lambda: sf.sandblasted(depth_um=1e-300),
+        lambda: sf.sandblasted(bead_diameter_um=(0.01, 0.01), depth_um=0.001),  # ten thousand million of them
         lambda: sf.sandblasted(base=sf.Heightfield(np.zeros((4, 4)), 1.0)),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
@@ -23,6 +24,8 @@ DONE, OWN_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 def run(arguments: list[str]) -> int:
     """Run one command line; see `vgonio.cli.main`."""
     kept = _Warnings()
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # where a terminal knows no θ, a question mark has to do
     try:
         with _termination_interrupts():
             status = _command(arguments, kept)
@@ -79,6 +82,9 @@ def _command(arguments: list[str], kept: _Warnings) -> int:
         kept.drop()
         return _say(f"error: {_refusal(e)}", BAD_INPUT)
     except Exception as e:
+        if isinstance(e, ModuleNotFoundError) and e.name and not e.name.startswith("vgonio"):
+            kept.drop()
+            return _say(f"error: the Python package {e.name} is missing: pip install {e.name}", BAD_INPUT)
         if os.environ.get("VGONIO_DEBUG"):
             raise
         return _say(f"internal error: {type(e).__name__}: {e} (VGONIO_DEBUG=1 shows where)", OWN_FAULT)

@@ -67,7 +67,7 @@ def remove_outliers(surface: Heightfield, threshold: float = 6.0, size: int = 5)
     threshold : from 3 up;  size : odd, from 3 up. The share removed is written into the history.
     """
     limit = checks.number("threshold", threshold, 3.0)
-    if size != int(size) or size < 3 or size % 2 == 0:
+    if checks.number("size", size, 3.0) % 2 != 1:
         raise InputError(f"size = {size!r}: an odd whole number of points from 3 on is needed")
     from scipy.ndimage import percentile_filter
 

@@ -22,6 +22,10 @@ from .heightfield import Heightfield
 Floats = NDArray[np.float64]
 
 
+# some minutes of stamping; a blasted surface of 1 mm² has ten thousand
+MOST_IMPACTS = 10**7
+
+
 @dataclass(frozen=True)
 class Impacts:
     """Where beads hit and what they leave: arrays (n,) of x, y, bead radius and cavity depth in µm, in time order."""
@@ -65,7 +69,7 @@ def sandblasted(
     depth = checks.positive("depth_um", depth_um, (low + high) / 4)
     spread = checks.number("depth_spread", depth_spread, 0.0, 1.0)
     covered = checks.positive("coverage", coverage, 100.0)
-    blur = max(base.pitch_um) if resolution_um is None else checks.number("resolution_um", resolution_um, 0.0)
+    blur = max(base.pitch_um) if resolution_um is None else checks.number("resolution_um", resolution_um, 0.0, 1e9)
     hits = impacts(base.size_um, (low, high), depth, spread, covered, seed)
     z = blurred(stamped(base.z, base.pitch_um, hits), base.pitch_um, blur)
     step = (
@@ -88,7 +92,13 @@ def impacts(
     ly, lx = size_um
     low, high = (d / 2 for d in bead_diameter_um)
     mean_radius = (low + high) / 2
-    count = int(round(coverage * ly * lx / (np.pi * (2 * mean_radius * depth_um - depth_um**2))))
+    wanted = coverage * ly * lx / max(np.pi * (2 * mean_radius * depth_um - depth_um**2), np.finfo(float).tiny)
+    if not wanted <= MOST_IMPACTS:
+        raise InputError(
+            f"{wanted:.2g} cavities of depth {depth_um:g} µm and beads of {2 * mean_radius:g} µm would cover "
+            f"{ly:g} × {lx:g} µm {coverage:g} times, allowed are {MOST_IMPACTS:.0e}: take larger beads"
+        )
+    count = round(wanted)
     rng = checks.generator(seed)
     # one row an impact: more impacts of one seed continue the same sequence
     draw = rng.random((count, 4))
