@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 import vgonio as vg
-from vgonio.geometric.beam import ParallelBeam, Scene
+from vgonio.geometric.beam import ParallelBeam, Scene, Strip
 from vgonio.geometric.embree import Embree
 from vgonio.geometric.sampling import BATCH
 from vgonio.geometric.singles import Counts, count_batch
@@ -82,9 +82,10 @@ def intersections(rays: int, repeat: int = 7) -> dict[str, float]:
         counts = Counts(beam.facets, rays)
         scene.tracer.asked.clear()
         scene.tracer.seconds = 0.0
-        sizes = [min(BATCH, rays)] * max(1, rays // BATCH)
-        for k, n in enumerate(sizes):
-            count_batch(beam, counts, n, np.random.default_rng(k), 100)
+        batches = max(1, rays // BATCH)
+        for k in range(batches):
+            strip = Strip(rays // batches, k * (rays // batches), rays)
+            count_batch(beam, counts, strip, np.random.default_rng(k), 100)
         ours.append(scene.tracer.seconds)
         for threads in bare:
             with ThreadPoolExecutor(threads) as pool:
@@ -92,7 +93,13 @@ def intersections(rays: int, repeat: int = 7) -> dict[str, float]:
             bare[threads].append(cpu)
     del TRACERS["recording"]
     cast = sum(len(a) for a, _ in scene.tracer.asked)
-    return {"rays": sum(sizes), "casts": cast, "ours": min(ours), "bare 1": min(bare[1]), "bare 2": min(bare[2])}
+    return {
+        "rays": rays // batches * batches,
+        "casts": cast,
+        "ours": min(ours),
+        "bare 1": min(bare[1]),
+        "bare 2": min(bare[2]),
+    }
 
 
 def case_of_the_issue(rays: int, wavelengths: int, threads: int) -> tuple[float, float]:
@@ -168,7 +175,8 @@ def scaling(rays: int, sizes: tuple[int, ...]) -> None:
         beam = ParallelBeam(scene, vg.measure.Gonioreflectometer([30], [0]).incoming, 0)
         _, look, _ = timed(lambda: beam.fate(np.zeros(1, np.int64)))  # noqa: B023
         counts = Counts(beam.facets, rays)
-        _, cpu, _ = timed(lambda: count_batch(beam, counts, rays, np.random.default_rng(0), 100))  # noqa: B023
+        strips = [Strip(rays // 8, k * (rays // 8), rays) for k in range(8)]
+        _, cpu, _ = timed(lambda: [count_batch(beam, counts, s, np.random.default_rng(0), 100) for s in strips])  # noqa: B023
         print(
             f"  {beam.facets:10,} triangles: build {build:.2f} s, facets' fates {look:.2f} s, "
             f"{rays / cpu / 1e6:.2f} M rays/s"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,6 +125,14 @@ def rays_of_source(incoming: Incoming, i: int, n: int, rng: np.random.Generator)
     return -w, s / np.linalg.norm(s, axis=1, keepdims=True)
 
 
+class Strip(NamedTuple):
+    """`rays` of `all` rays, those from `first` on: the same part of the area, along y."""
+
+    rays: int
+    first: int
+    all: int
+
+
 class ParallelBeam:
     """Parallel light on a mesh: every facet reflects it into one direction, known before any ray is cast."""
 
@@ -133,14 +142,22 @@ class ParallelBeam:
         self.area = scene.required_area(incoming, i)
         self.facets = len(scene.mesh.faces)
         self._fates: NDArray[np.uint8] | None = None
-        self._starts: dict[int, Starts] = {}
+        self._starts: dict[tuple[int, int], Starts] = {}
 
-    def starts(self, n: int, rng: np.random.Generator) -> Floats:
-        """(n, 3) start positions; the grid of a batch's size is kept."""
-        starts = self._starts.get(n)
+    def starts(self, strip: Strip, rng: np.random.Generator) -> Floats:
+        """(n, 3) start positions in a strip along x; the grid of its size is kept.
+
+        A strip touches few facets, which the tracer then has in its cache.
+        """
+        x0, x1, y0, y1 = self.area
+        scale = (y1 - y0) / strip.all
+        starts = self._starts.get((strip.rays, strip.all))
         if starts is None:
-            starts = self._starts[n] = Starts(self.area, self.scene.mesh.z_range[1], n)
-        return starts.draw(rng)
+            area = x0, x1, y0, y0 + strip.rays * scale
+            starts = self._starts[strip.rays, strip.all] = Starts(area, self.scene.mesh.z_range[1], strip.rays)
+        position = starts.draw(rng)
+        position[:, 1] += strip.first * scale
+        return position
 
     def reflected(self, facet: NDArray) -> tuple[Floats, Floats, Floats]:
         """Normals (n, 3), directions after the reflection (n, 3) and cosines of incidence (n,) of facets (n,)."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..directions import Detector, Incoming
-from .beam import ParallelBeam, Scene
+from .beam import ParallelBeam, Scene, Strip
 from .facet_sampling import FacetSampling
 from .singles import Counts, Sort, count_batch, sorted_counts
 from .tally import Tally
@@ -90,8 +90,8 @@ class _Divergent:
         self.settings, self.sort, self.pool, self.rng = settings, sort, pool, rng
         self.total, self.rays = settings.empty(detector), 0
 
-    def _batch(self, n: int, rng: np.random.Generator) -> Tally:
-        return self.sort(self.scene.paths(self.incoming, self.i, n, rng, self.settings.max_bounces))
+    def _batch(self, strip: Strip, rng: np.random.Generator) -> Tally:
+        return self.sort(self.scene.paths(self.incoming, self.i, strip.rays, rng, self.settings.max_bounces))
 
     def more(self, rays: int, points: int) -> None:
         """Trace so many more."""
@@ -129,8 +129,8 @@ class _Parallel(_Divergent):
     def points(self) -> int:  # type: ignore[override]
         return 0 if self.facets is None else self.facets.points
 
-    def _batch(self, n: int, rng: np.random.Generator) -> Tally:
-        paths = count_batch(self.beam, self.counts, n, rng, self.settings.max_bounces)
+    def _batch(self, strip: Strip, rng: np.random.Generator) -> Tally:
+        paths = count_batch(self.beam, self.counts, strip, rng, self.settings.max_bounces)
         return self.settings.empty(self.detector) if paths is None else self.sort(paths)
 
     def more(self, rays: int, points: int) -> None:
@@ -181,9 +181,10 @@ def relative_error(t: Tally) -> float:
     return float(np.max(np.sqrt(variance[counts]) / power[counts])) if counts.any() else float("inf")
 
 
-def _groups(rays: int, rng: np.random.Generator) -> Iterator[list[tuple[int, np.random.Generator]]]:
+def _groups(rays: int, rng: np.random.Generator) -> Iterator[list[tuple[Strip, np.random.Generator]]]:
     """Batches of rays, each with its own generator, in groups that bound the results waiting to be added up."""
-    sizes = [BATCH] * (rays // BATCH) + ([rays % BATCH] if rays % BATCH else [])
-    for start in range(0, len(sizes), 16):
-        part = sizes[start : start + 16]
-        yield list(zip(part, rng.spawn(len(part))))
+    batches = max(1, round(rays / BATCH)) if rays else 0
+    for start in range(0, batches, 16):
+        ends = [k * rays // batches for k in range(start, min(start + 16, batches) + 1)]
+        strips = [Strip(b - a, a, rays) for a, b in zip(ends, ends[1:])]
+        yield list(zip(strips, rng.spawn(len(strips))))

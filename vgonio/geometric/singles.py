@@ -13,7 +13,7 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from .beam import CHUNK, FREE, OPEN, ParallelBeam
+from .beam import CHUNK, FREE, OPEN, ParallelBeam, Strip
 from .tally import Tally
 from .trace import Paths, Step, next_facet, trace
 
@@ -44,10 +44,12 @@ class Counts:
             self.rays += len(first)
 
 
-def count_batch(beam: ParallelBeam, counts: Counts, n: int, rng: np.random.Generator, max_bounces: int) -> Paths | None:
-    """Cast n rays, count the single reflections; the paths of two and more reflections, None where there are none."""
+def count_batch(
+    beam: ParallelBeam, counts: Counts, strip: Strip, rng: np.random.Generator, max_bounces: int
+) -> Paths | None:
+    """Cast the rays of a strip, count the single reflections; the paths of two and more, None where there are none."""
     mesh, tracer = beam.scene.mesh, beam.scene.tracer
-    position = beam.starts(n, rng)
+    n, position = strip.rays, beam.starts(strip, rng)
     direction = np.broadcast_to(beam.direction, position.shape)
     first = np.asarray(tracer.facet(position, direction), np.int32)
     again = np.flatnonzero(first < 0)
