@@ -80,7 +80,7 @@ def test_a_hundred_bounces_in_a_slit():
 def test_heights_of_a_femtometre_and_of_a_centimetre(rms):
     with warnings.catch_warnings(record=True) as seen:
         warnings.simplefilter("always")
-        data = measured(rough(rms), (0, 60), "perfect", rays=2000, max_bounces=1000)
+        data = measured(rough(rms), (0, 60), "perfect", rays=500, max_bounces=1000)
     unresolved = [w for w in seen if issubclass(w.category, VgonioWarning) and "single precision" in str(w.message)]
     assert len(unresolved) == (rms == 1e-9)
     # needles of a centimetre keep the light for more than 1000 reflections: lost, counted as such, and warned of
