@@ -153,6 +153,8 @@ def waves(scene: Scene, theory: str, progress: Progress | None = None) -> Any:
         theory=theory,
         shadowing=asked.shadowing,
         fresnel=asked.fresnel,
+        energy=asked.energy,
+        renormalise=asked.renormalise,
         **given,
     )
 

@@ -46,6 +46,9 @@ VARIABLES = {
     "energy_absorbed": ("1", "share of the incident power that is absorbed"),
     "energy_lost": ("1", "share of the incident power that leaves through the sides or stops at the bounce limit"),
     "energy_reflected": ("1", "share of the incident power that reaches the hemisphere of the detector"),
+    "energy_reflected_stderr": ("1", "standard error of energy_reflected"),
+    "fresnel_macro": ("1", "Fresnel reflectance of a flat surface at the angle of incidence"),
+    "renormalisation": ("1", "factor that brdf was multiplied by: fresnel_macro over energy_reflected"),
     "efficiency": ("1", "diffraction efficiency: power of the order over incident power"),
     "fresnel": ("1", "Fresnel reflectance at the half vector"),
     "averaged_shortcut_error": (

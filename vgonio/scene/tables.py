@@ -180,6 +180,8 @@ class Wave(Table):
     tol: Share = 1e-3
     shadowing: bool = False
     fresnel: Annotated[str, one_of(("half", "local"))] = "half"
+    energy: bool = False
+    renormalise: bool = False
     bounces: Later = None
     window_um: Later = None
     polarised: Later = False

@@ -13,6 +13,7 @@ from .quadrature import Floats
 from .theories import scattering_vector
 
 NODES_PER_CELL = 4  # directions evaluated in each cell of a hemisphere, per window
+SUMMED = 256  # directions that are computed again where only sums matter
 
 Ints = NDArray[np.int64]
 
@@ -25,6 +26,7 @@ class Job:
     source : (m,) index into `sources` (n, 3);  view : (m,) index into `views` (v, 3), whose shadows hold for the node
     weight : (m,) in the mean over the detector element
     target : (m,) flat index (theta_i, element, wavelength) into `shape`
+    sums : whether only sums over many elements matter, and so errors relative to them, not to the largest value
     """
 
     q: Floats
@@ -37,6 +39,7 @@ class Job:
     weight: Floats
     target: Ints
     shape: tuple[int, int, int]
+    sums: bool = False
 
     @property
     def wavelength(self) -> Ints:
@@ -70,6 +73,8 @@ class Job:
 
         In each element the vector closest to mirror reflection, so that the peak of a narrow lobe is among them.
         """
+        if self.sums:
+            return np.linspace(0, len(self.q) - 1, min(len(self.q), SUMMED)).astype(np.int64)
         angles, elements, wavelengths = self.shape
         tilt = np.hypot(self.q[:, 0], self.q[:, 1]) / self.q[:, 2]
         order = np.lexsort((tilt, self.target))
@@ -82,8 +87,10 @@ class Job:
         ]
         return np.array([order[first[t]] for t in wanted if first[t + 1] > first[t]], np.int64)
 
-    def relative_to_peak(self, f: Floats, g: Floats) -> float:
+    def difference(self, f: Floats, g: Floats) -> float:
         """Largest |f − g| (m,) relative to the largest of the same angle of incidence and wavelength."""
+        if self.sums:
+            return float(np.sum(self.weight * np.abs(f - g)) / max(float(np.sum(self.weight * f)), 1e-300))
         angles, elements, wavelengths = self.shape
         group = self.target // (elements * wavelengths) * wavelengths + self.wavelength
         peak = np.zeros(angles * wavelengths)

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..dataset import brdf_dataset, versions
+from ..dataset import brdf_dataset, label, versions
 from ..directions import Detector, Incoming, wavelength_list
 from ..errors import InputError, VgonioWarning, nearest
 from ..materials import Material, material
 from ..surface.heightfield import Heightfield
 from ..units import wavenumber
-from . import gratings, windowed
+from . import energy, gratings, windowed
 from .amplitudes import HalfVector, LocalFacet, Model
 from .coherence import WindowPlan
 from .fourier import METHODS, check_method
@@ -60,8 +60,13 @@ class Kirchhoff:
     fresnel : reflectance at the "half" vector, or amplitudes at each "local" facet (s and p apart, no cross-
         polarisation; two transforms for each angle of incidence and wavelength)
 
+    energy : the total reflected power for each θ_i and λ, by directions of its own over the hemisphere, with its
+        standard error, beside the reflectance of a flat surface
+    renormalise : brdf times that reflectance over the total, the factor in `renormalisation` (includes energy)
+
     The mean over windows and over the detector cone is the BRDF, the spread over windows its standard error. Single
-    scattering only; nothing is renormalised: where a theory returns more or less than it got, the numbers show it.
+    scattering only; nothing is renormalised unasked: where a theory returns more or less than it got, the numbers
+    show it.
     `scatter` raises InputError for missing points, MaterialError outside the table, BackendError without a backend.
     """
 
@@ -74,6 +79,8 @@ class Kirchhoff:
     seed: int = 0
     shadowing: bool = False
     fresnel: str = "half"
+    energy: bool = False
+    renormalise: bool = False
     progress: Callable[[float], None] | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -129,6 +136,8 @@ class Kirchhoff:
         mean = total / count
         stderr, estimate = _standard_error(mean, square / count, single / count, job, plan)
         data = self._dataset(mean[0], stderr[0], incoming, detector)
+        if self.energy or self.renormalise:
+            data = self._with_energy(data, *self._energy(surface, incoming, plan, model, How(rule, method, None)))
         if shadows is not None:
             data.attrs |= {"shadow_step_um": shadows.step_um, "shadow_edge_error": edges}
         data.attrs |= plan.attrs | {
@@ -169,6 +178,29 @@ class Kirchhoff:
             place = Place.of(surface, plan, window, how.spacing, how.rule)
             yield intensity(place, surface, job, model, self.wavelength_nm, shadows, how.method, how.eps, how.azimuth)
 
+    def _energy(
+        self, surface: Heightfield, incoming: Incoming, plan: WindowPlan, model: Model, how: How
+    ) -> tuple[Floats, Floats]:
+        """Total reflected share and its standard error, (theta_i, wavelength)."""
+        job = energy.energy_job(surface, plan, incoming, wavenumber(self.wavelength_nm), self.theory, self.seed)
+        how, _, _ = self._refine(surface, plan, job, model, how)
+        shadows = None
+        if self.shadowing:
+            how, shadows, _ = self._sharpen(surface, plan, job, model, how)
+        found = self._intensities(surface, plan, job, model, how, shadows)
+        return energy.total(np.stack([job.gather(job.weight * values[0]) for values in found]), plan.independent)
+
+    def _with_energy(self, data: xr.Dataset, reflected: Floats, stderr: Floats) -> xr.Dataset:
+        over = ("theta_i", "wavelength")
+        data["energy_reflected"], data["energy_reflected_stderr"] = (over, reflected), (over, stderr)
+        if self.renormalise:
+            factor = data.fresnel_macro / data.energy_reflected.where(data.energy_reflected > 0)
+            for name in ("brdf", "brdf_stderr"):
+                data[name] = (data[name] * factor.fillna(1.0)).transpose(*data[name].dims)
+            data["renormalisation"] = factor.fillna(1.0)
+            data.attrs["renormalised"] = "brdf times fresnel_macro / energy_reflected, in `renormalisation`"
+        return label(data)
+
     # ---- how finely
     def _refine(
         self, surface: Heightfield, plan: WindowPlan, job: Job, model: Model, how: How
@@ -178,16 +210,18 @@ class Kirchhoff:
         per_cycle = {"uniform": 1.0, "gauss": 2.2, "cells": 1.0}[how.rule] + 0.15 * -np.log10(self.tol)
         spacing = 2 * np.pi / np.maximum(rates(surface, job.q), 1e-9) / per_cycle
         part, window = plan.trial(surface)
+        if window is not None:
+            spacing = np.minimum(spacing, np.array(window.half) / 12)
         some = job.some(job.checked())
         eps, error, size = self.tol / 30, 0.0, 0
-        for _ in range(6):
+        for _ in range(9):
             place = Place.of(part, plan, window, tuple(spacing), how.rule)
             size = round(place.points.size * surface.area_um2 / part.area_um2)
             fine = Place.of(part, plan, window, tuple(spacing / 1.5), how.rule)
             other = check_method(how.method, fine.points, some.q, self.tol)
             f = intensity(place, part, some, model, self.wavelength_nm, None, how.method, eps, how.azimuth)
             g = intensity(fine, part, some, model, self.wavelength_nm, None, other, eps / 5, how.azimuth)
-            error = some.relative_to_peak(f[0], g[0])
+            error = some.difference(f[0], g[0])
             if error <= 0.8 * self.tol or how.rule == "cells":
                 break
             spacing, eps = spacing / 1.3, eps / 10
@@ -215,7 +249,7 @@ class Kirchhoff:
         found, error = trial(SHARPER), 0.0
         for n in range(1, SHARPENED + 1):
             finer = trial(SHARPER * 1.5**n)
-            error = some.relative_to_peak(found[2], finer[2])
+            error = some.difference(found[2], finer[2])
             if error <= self.tol or n == SHARPENED or finer[1].refine == found[1].refine:
                 break
             found = finer
@@ -231,6 +265,10 @@ class Kirchhoff:
     def _dataset(self, brdf: Floats, stderr: Floats, incoming: Incoming, detector: Detector) -> xr.Dataset:
         over = ("theta_i", *detector.dims, "wavelength")
         variables: dict[str, tuple[tuple[str, ...], Any]] = {"brdf": (over, brdf), "brdf_stderr": (over, stderr)}
+        macro = self.material.reflectance(  # type: ignore[union-attr]
+            incoming.vectors[:, 2], self.wavelength_nm, incoming.polarisation
+        )
+        variables["fresnel_macro"] = (("theta_i", "wavelength"), macro)
         if detector.kind == "hemisphere":
             reflected = np.einsum("iew,e->iw", brdf, detector.projected_solid_angle)
             variables["energy_reflected"] = (("theta_i", "wavelength"), reflected)
