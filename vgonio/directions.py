@@ -16,6 +16,8 @@ from .errors import InputError, nearest
 from .units import degrees, radians
 
 Floats = NDArray[np.float64]
+# below, the solid angle 2π(1 − cos a) is lost in rounding
+MIN_APERTURE_DEG = 1e-4
 POLARISATIONS = ("unpolarised", "s", "p")
 
 
@@ -177,8 +179,8 @@ class Detector:
         """Cones of full angle `aperture_deg` at the signed angles θ_o of the plane with azimuth φ."""
         theta = angle_list(theta_o_deg, "theta_o_deg")
         aperture_deg = scalar(aperture_deg, "aperture_deg")
-        if not 0 < aperture_deg <= 90:
-            raise InputError(f"aperture_deg = {aperture_deg}°: allowed is 0 < aperture ≤ 90° (full angle of the cone)")
+        if not MIN_APERTURE_DEG <= aperture_deg <= 90:
+            raise InputError(f"aperture_deg = {aperture_deg}°: allowed is {MIN_APERTURE_DEG}° … 90° (the full angle)")
         return Detector(
             "in-plane", theta, np.full(theta.shape, float(phi_deg)), ("theta_o",), float(radians(aperture_deg / 2))
         )

@@ -219,6 +219,13 @@ def test_an_instrument_takes_one_number(name, value):
         vg.measure.Gonioreflectometer(theta_i_deg=[0], theta_o_deg=theta_o, **{name: value})
 
 
+def test_the_narrowest_aperture_has_a_solid_angle(refused):
+    """1 − cos a to 1e-3, and nothing narrower."""
+    narrow = vg.directions.Detector.in_plane([0], 1e-4)
+    np.testing.assert_allclose(narrow.solid_angle, np.pi * np.deg2rad(0.5e-4) ** 2, rtol=1e-3)
+    assert "aperture_deg = 1e-05°" in refused(*setting("detector.aperture_deg=1e-5"))
+
+
 def test_only_a_height_field_is_measured():
     gonio = vg.measure.Gonioreflectometer(theta_i_deg=[0], theta_o_deg=[0])
     with pytest.raises(vg.errors.InputError, match="Heightfield"):
