@@ -129,7 +129,6 @@ def test_an_unknown_key_comes_before_all_other_mistakes_and_the_rest_is_counted(
         "wave.theory=iterated-kirchhoff",
         "wave.bounces=2",
         "wave.window_um=20",
-        "wave.polarised=true",
     ],
 )
 def test_what_this_version_lacks_is_refused_and_not_dropped(override):
@@ -138,6 +137,9 @@ def test_what_this_version_lacks_is_refused_and_not_dropped(override):
 
 
 def test_settings_that_change_nothing_are_accepted():
+    load_scene(minimal(), ["wave.polarised=true"])
+    with pytest.raises(InputError, match="alone"):
+        load_scene(minimal(), ["wave.polarised=true", "wave.theory=harvey-shack"])
     load_scene(minimal(), ["wave.shadowing=false", "wave.bounces=1", "geometric.polarised=true"])
 
 

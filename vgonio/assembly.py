@@ -153,6 +153,7 @@ def waves(scene: Scene, theory: str, progress: Progress | None = None) -> Any:
         theory=theory,
         shadowing=asked.shadowing,
         fresnel=asked.fresnel,
+        polarised=asked.polarised,
         energy=asked.energy,
         renormalise=asked.renormalise,
         **given,

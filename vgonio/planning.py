@@ -188,6 +188,7 @@ def _dearer(scene: Scene) -> str:
         return ""
     angles, wavelengths = len(light.theta_i_deg), len(light.wavelength_nm)
     local = (2 if light.polarisation == "unpolarised" else 1) * wavelengths if asked.fresnel == "local" else 1
+    local = 12 * wavelengths if asked.polarised else local
     pairs = angles * (detector_elements(scene) if asked.shadowing else 1)
     if local == 1 and not asked.shadowing:
         return ""

@@ -184,7 +184,7 @@ class Wave(Table):
     renormalise: bool = False
     bounces: Later = None
     window_um: Later = None
-    polarised: Later = False
+    polarised: bool = False
 
     @field_validator("theory", mode="before")
     @classmethod
@@ -193,8 +193,9 @@ class Wave(Table):
 
     @model_validator(mode="after")
     def _offered(self) -> Wave:
-        for key in ("window_um", "polarised"):
-            self.refuse(getattr(self, key), key)
+        self.refuse(self.window_um, "window_um")
+        if self.polarised and (self.theory != ["kirchhoff"] or self.fresnel != "half"):
+            raise InputError('polarised = true is for theory = "kirchhoff" alone, without fresnel')
         self.refuse(None if self.bounces == 1 else self.bounces, "bounces")
         if not self.theory or len(set(self.theory)) < len(self.theory):
             raise InputError(f"theory lists nothing or a theory twice: {self.theory}")

@@ -22,6 +22,7 @@ from .amplitudes import HalfVector, LocalFacet, Model
 from .coherence import WindowPlan
 from .fourier import METHODS, check_method
 from .job import Job, detector_job
+from .polarisation import VectorKirchhoff
 from .quadrature import Floats, choose_rule, rates
 from .theories import DESCRIPTION, THEORIES
 from .weighted import Place, Shadows, intensity
@@ -60,6 +61,8 @@ class Kirchhoff:
     fresnel : reflectance at the "half" vector, or amplitudes at each "local" facet (s and p apart, no cross-
         polarisation; two transforms for each angle of incidence and wavelength)
 
+    polarised : vector Kirchhoff, `mueller` and its standard error beside brdf (theory "kirchhoff" alone; twelve
+        transforms for each angle of incidence and wavelength in every window)
     energy : the total reflected power for each θ_i and λ, by directions of its own over the hemisphere, with its
         standard error, beside the reflectance of a flat surface
     renormalise : brdf times that reflectance over the total, the factor in `renormalisation` (includes energy)
@@ -79,6 +82,7 @@ class Kirchhoff:
     seed: int = 0
     shadowing: bool = False
     fresnel: str = "half"
+    polarised: bool = False
     energy: bool = False
     renormalise: bool = False
     progress: Callable[[float], None] | None = field(default=None, compare=False, repr=False)
@@ -91,6 +95,11 @@ class Kirchhoff:
             raise InputError(f"method {self.method!r}: {nearest(str(self.method), METHODS)}")
         if self.fresnel not in FRESNEL:
             raise InputError(f"fresnel {self.fresnel!r}: {nearest(str(self.fresnel), FRESNEL)}")
+        if self.polarised and (self.theory != "kirchhoff" or self.fresnel != "half"):
+            raise InputError(
+                f"polarised = True is for theory 'kirchhoff', with amplitudes at each facet: got {self.theory!r} "
+                f"and fresnel {self.fresnel!r}; leave them out"
+            )
         if not 0 < self.tol < 1:
             raise InputError(f"tol = {self.tol}: a relative error between 0 and 1 is needed")
         if self.windows is not None and self.windows < 1:
@@ -101,10 +110,10 @@ class Kirchhoff:
     def orders(self, surface: Heightfield, theta_i_deg: Any) -> xr.Dataset:
         """Diffraction efficiencies of a periodic profile: `efficiency (theta_i, order, wavelength)`.
 
-        Raises InputError for options that orders do not have: shadowing, Fresnel at the local facet.
+        Raises InputError for options that orders do not have: shadowing, Fresnel at the local facet, polarisation.
         """
-        if self.shadowing or self.fresnel != "half":
-            raise InputError("orders of a grating hold neither shadowing nor fresnel = 'local': use scatter")
+        if self.shadowing or self.polarised or self.fresnel != "half":
+            raise InputError("orders of a grating hold no shadowing, fresnel = 'local' or Mueller matrix: use scatter")
         return gratings.orders(self, surface, theta_i_deg)
 
     def scatter(self, surface: Heightfield, incoming: Incoming, detector: Detector) -> xr.Dataset:
@@ -117,7 +126,7 @@ class Kirchhoff:
         rule = choose_rule(surface, incoming.coherence_um is not None, False, self.tol / 20)
         method = "nufft" if self.method == "auto" else self.method
         azimuth = float(np.deg2rad(incoming.phi_deg)) if detector.kind == "in-plane" else None
-        model = self._model(incoming.polarisation)
+        model = self._model(incoming)
         how, error, points = self._refine(surface, plan, job, model, How(rule, method, azimuth))
         shadows, edges = None, 0.0
         if self.shadowing:
@@ -136,6 +145,8 @@ class Kirchhoff:
         mean = total / count
         stderr, estimate = _standard_error(mean, square / count, single / count, job, plan)
         data = self._dataset(mean[0], stderr[0], incoming, detector)
+        if self.polarised:
+            data = _with_mueller(data, mean[1:], stderr[1:])
         if self.energy or self.renormalise:
             data = self._with_energy(data, *self._energy(surface, incoming, plan, model, How(rule, method, None)))
         if shadows is not None:
@@ -156,7 +167,10 @@ class Kirchhoff:
         return data
 
     # ---- one window after the other
-    def _model(self, polarisation: str) -> Model:
+    def _model(self, incoming: Incoming) -> Model:
+        polarisation = incoming.polarisation
+        if self.polarised:
+            return VectorKirchhoff(self.material, polarisation, incoming.phi_deg)  # type: ignore[arg-type]
         if self.fresnel == "local":
             return LocalFacet(self.theory, self.material, polarisation)  # type: ignore[arg-type]
         return HalfVector(self.theory, self.material, self.wavelength_nm, polarisation)  # type: ignore[arg-type]
@@ -195,7 +209,7 @@ class Kirchhoff:
         data["energy_reflected"], data["energy_reflected_stderr"] = (over, reflected), (over, stderr)
         if self.renormalise:
             factor = data.fresnel_macro / data.energy_reflected.where(data.energy_reflected > 0)
-            for name in ("brdf", "brdf_stderr"):
+            for name in [n for n in ("brdf", "brdf_stderr", "mueller", "mueller_stderr") if n in data]:
                 data[name] = (data[name] * factor.fillna(1.0)).transpose(*data[name].dims)
             data["renormalisation"] = factor.fillna(1.0)
             data.attrs["renormalised"] = "brdf times fresnel_macro / energy_reflected, in `renormalisation`"
@@ -281,7 +295,7 @@ class Kirchhoff:
             attrs={
                 "method": f"waves: {DESCRIPTION[self.theory]}, single scattering, "
                 + ("shadowing of source and detector" if self.shadowing else "no shadowing"),
-                "fresnel": {"half": "at the half vector", "local": "at each facet"}[self.fresnel],
+                "fresnel": "at the half vector" if self.fresnel == "half" and not self.polarised else "at each facet",
                 "solver": "Kirchhoff",
                 "theory": self.theory,
                 "material": self.material.name,  # type: ignore[union-attr]
@@ -293,6 +307,14 @@ class Kirchhoff:
                 "seed": self.seed,
             },
         )
+
+
+def _with_mueller(data: xr.Dataset, mueller: Floats, stderr: Floats) -> xr.Dataset:
+    """With Mueller matrices (16, theta_i, element, wavelength) and their standard errors."""
+    over = (*data.brdf.dims, "stokes_out", "stokes_in")
+    for name, values in (("mueller", mueller), ("mueller_stderr", stderr)):
+        data[name] = (over, np.moveaxis(values, 0, -1).reshape(*values.shape[1:], 4, 4))
+    return label(data.assign_coords(stokes_out=list("IQUV"), stokes_in=list("IQUV")))
 
 
 def _standard_error(brdf: Floats, square: Floats, single: Floats, job: Job, plan: WindowPlan) -> tuple[Floats, str]:

@@ -137,6 +137,8 @@ def intensity(
         nodes = order[a:b]
         for part in range(model.parts):
             full = weight * fields[part] if model.local else weight
+            if not full.any():
+                continue
             S[part, nodes] = _sum(method, replace(place.points, weight=full), job.q[nodes], eps, azimuth)
     return model.intensity(S, job) * (job.prefactor / place.area)
 
