@@ -118,3 +118,10 @@ def test_missing_points_are_refused():
     z[3, 4] = np.nan
     with pytest.raises(InputError, match="fill"):
         measure(surface(z=z))
+
+
+def test_windows_out_of_all_proportion_are_refused():
+    with pytest.raises(ToleranceError, match="larger coherence_um"):
+        measure(surface(), coherence_um=0.01)
+    with pytest.raises(ToleranceError, match="smaller coherence_um"):
+        measure(surface(), coherence_um=1e5, aperture_deg=10)

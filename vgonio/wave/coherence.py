@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import ToleranceError
 from ..surface.heightfield import Heightfield
 from .fourier import sample
 from .quadrature import Floats, Points, axis_rule, require_affordable
 
 REACH = 3.0  # a window ends at 3 ℓ, where the amplitude is 1 %; that is taken off, so that it ends at zero
+MOST_ALONG = 150  # windows along one side
 TRIAL_UM = 100.0  # side of the part of a whole sample on which the spacing of points is tried
 SPACING = 2.0  # of window centres, in ℓ: neighbours then share 14 % of their intensity
 
@@ -37,25 +39,38 @@ def tile(surface: Heightfield, length: float) -> list[Window]:
     centres, half = [], []
     for side in surface.size_um:
         if surface.periodic:
-            n = max(1, round(side / (SPACING * length)))
+            n = _affordable(side / (SPACING * length), length, side)
             half.append(REACH * length)
             centres.append((np.arange(n) + 0.5) * side / n)
             continue
         r = min(REACH * length, side / 2)
-        n = 1 + int((side - 2 * r) / (SPACING * length) + 1e-9)
+        n = 1 + _affordable((side - 2 * r) / (SPACING * length) - 0.5 + 1e-9, length, side, 0)
         half.append(r)
         centres.append(np.linspace(r, side - r, n) if n > 1 else np.array([side / 2]))
     return [Window(length, (half[0], half[1]), (y, x)) for y in centres[0] for x in centres[1]]
 
 
+def _affordable(count: float, length: float, side: float, least: int = 1) -> int:
+    """Windows along one side, rounded; ToleranceError before lists out of all proportion are made."""
+    if count > MOST_ALONG:
+        raise ToleranceError(
+            f"coherence_um = {length:g} µm on a side of {side:g} µm makes {count:.3g} windows along it, at most "
+            f"{MOST_ALONG}: take a larger coherence_um, or a part of the surface (crop_um)"
+        )
+    return max(least, round(count))
+
+
 def independent(windows: list[Window], surface: Heightfield) -> float:
     """Effective number of independent windows: n² / Σ ρ, ρ = exp(−d²/2ℓ²) the intensity correlation of two windows."""
     c = np.array([w.centre for w in windows])
-    d = c[:, None] - c[None]
-    if surface.periodic:
-        size = np.array(surface.size_um)
-        d -= size * np.rint(d / size)
-    return len(c) ** 2 / float(np.exp(-np.sum(d**2, axis=-1) / (2 * windows[0].length ** 2)).sum())
+    size = np.array(surface.size_um)
+    total = 0.0
+    for one in c:  # row by row: memory of one row, however many windows there are
+        d = c - one
+        if surface.periodic:
+            d -= size * np.rint(d / size)
+        total += float(np.exp(-np.sum(d**2, axis=-1) / (2 * windows[0].length ** 2)).sum())
+    return len(c) ** 2 / total
 
 
 def patch(surface: Heightfield, window: Window, spacing: tuple[float, float], rule: str) -> tuple[Points, float]:

@@ -12,7 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..directions import Detector
+from ..errors import ToleranceError
 from .quadrature import Floats
+
+
+MOST_NODES = 30_000_000  # scattering vectors of one incidence: 2 GB
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +44,13 @@ def cone_nodes(detector: Detector, k: Floats, step: float, across: float = 0.0) 
     theta, a = np.deg2rad(detector.theta_deg), detector.half_angle
     parts: list[tuple[NDArray, ...]] = []
     ends = k[:, None] * (across + np.array([-1, 1]) * np.sin(a)) / step
+    # an ellipse of k sin a / step by k sin a cos θ / step cells for each direction and wavelength
+    expected = np.pi * float(np.sum((k * np.sin(a) / step) ** 2)) * float(np.sum(np.cos(theta)))
+    if expected > MOST_NODES:
+        raise ToleranceError(
+            f"the detector cones hold {expected:.2g} scattering vectors at a spacing of {step:.2g} rad/µm, at most "
+            f"{MOST_NODES:.0e}: take a smaller coherence_um, aperture_deg or number of directions and wavelengths"
+        )
     for n in range(int(np.floor(ends.min() + 0.5)), int(np.ceil(ends.max() - 0.5)) + 1):
         strip = ((n + np.array([-0.5, 0.5])) * step / k[:, None] - across) / np.sin(a)  # (w, 2) of the half-axis
         strip = np.clip(strip, -1, 1)

@@ -103,7 +103,7 @@ def parallel(incoming: Incoming) -> tuple[Floats, Ints, Floats]:
     directions, share = incoming.spread()
     found = []
     for i, cone in enumerate(directions):
-        up = cone[:, 2] > 1e-4
+        up = cone[:, 2] > 0
         found += [(wi, i, s) for wi, s in zip(cone[up], share[up] / share[up].sum())]
     sources, angle, shares = zip(*found)
     return np.array(sources), np.array(angle, np.int64), np.array(shares)

@@ -86,9 +86,9 @@ def split(a: Floats) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 
 def transform(points: Points, q: Floats, tol: float = PRECISION, on: Device | None = None) -> Complex:
     """(m,) sums of `points` at q (m, 3). Phases keep their fraction of a cycle up to 10⁵ rad; precision about 1e-5."""
+    d = on or device()
     import pyopencl as cl
 
-    d = on or device()
     used = np.flatnonzero(points.weight.ravel())
     x, y = (a.ravel()[used] for a in np.broadcast_arrays(points.x[None, :], points.y[:, None]))
     z, weight = points.z.ravel()[used], points.weight.ravel()[used]
