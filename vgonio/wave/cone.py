@@ -15,7 +15,6 @@ from ..directions import Detector
 from ..errors import ToleranceError
 from .quadrature import Floats
 
-
 MOST_NODES = 30_000_000  # scattering vectors of one incidence: 2 GB
 
 
