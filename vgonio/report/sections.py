@@ -138,6 +138,8 @@ def energy_section(content: Content) -> Section:
             "absorbed, or is lost through the sides. Each is counted by itself; over all angles and wavelengths "
             f"their sum differs from 100 % by at most {percent(off, 1)}."
         )
+        if "averaged_shortcut" in rays.attrs:
+            caption += f" Polarisation: {rays.attrs['averaged_shortcut']}."
         made.draw(figures.energy(rays), caption, "half")
         made.beside = None if "energy_reflected" in content.results.get("waves", {}) else tables.tallies(rays)
     waves = {name: data for name, data in content.results.items() if "energy_reflected" in data}
