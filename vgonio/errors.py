@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import Any
 
 # names that a message lists; a line of a hundred materials helps nobody
 MOST_NAMES = 25
@@ -47,3 +48,26 @@ def nearest(name: object, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(str(name), known, n=1, cutoff=0.5)
     more = f" and {len(known) - MOST_NAMES} more" if len(known) > MOST_NAMES else ""
     return f"did you mean {close[0]!r}?" if close else "known: " + ", ".join(known[:MOST_NAMES]) + more
+
+
+def whole(name: str, value: Any, least: int) -> int:
+    """`value` as an int from `least` to 2⁶³ − 1; InputError otherwise."""
+    try:
+        n = int(value)
+        fits = n == value and least <= n < 2**63 and not isinstance(value, bool)
+    except (TypeError, ValueError, OverflowError):
+        fits = False
+    if not fits:
+        raise InputError(f"{name} = {value!r}: a whole number of at least {least} is needed")
+    return n
+
+
+def relative_tolerance(value: Any, name: str = "tol") -> float:
+    """`value` as a float between 0 and 1, both excluded; InputError otherwise."""
+    try:
+        tol = float(value)
+    except (TypeError, ValueError):
+        tol = -1.0
+    if not 0 < tol < 1:
+        raise InputError(f"{name} = {value!r}: a relative error between 0 and 1 is needed")
+    return tol

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..dataset import brdf_dataset, label, versions
 from ..directions import Detector, Incoming, wavelength_list
-from ..errors import InputError, VgonioWarning, nearest
+from ..errors import InputError, VgonioWarning, nearest, relative_tolerance, whole
 from ..materials import Material, material
 from ..surface.heightfield import Heightfield
 from ..surface.mesh import mirrored
@@ -73,14 +73,12 @@ class RayOptics:
     def __post_init__(self) -> None:
         object.__setattr__(self, "wavelength_nm", tuple(wavelength_list(self.wavelength_nm)))
         for name, low in (("rays", 1), ("max_bounces", 1), ("bounces", 1), ("refinement", 1)):
-            value = getattr(self, name)
-            if int(value) != value or value < low:
-                raise InputError(f"{name} = {value!r}: a whole number of at least {low} is needed")
-            object.__setattr__(self, name, int(value))
-        if self.tol is not None and not 0 < self.tol < 1:
-            raise InputError(f"tol = {self.tol}: a relative error between 0 and 1 is needed")
-        if int(self.seed) != self.seed or self.seed < 0:
-            raise InputError(f"seed = {self.seed!r}: a whole number that is not negative is needed")
+            object.__setattr__(self, name, whole(name, getattr(self, name), low))
+        if self.tol is not None:
+            relative_tolerance(self.tol)
+        if self.threads is not None:
+            whole("threads", self.threads, 1)
+        whole("seed", self.seed, 0)
         if self.tracer not in TRACERS:
             raise InputError(f"tracer {self.tracer!r}: {nearest(self.tracer, TRACERS)}")
         if self.estimator not in ESTIMATORS:

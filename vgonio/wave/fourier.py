@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import BackendError, InputError, VgonioWarning, nearest
+from ..errors import BackendError, InputError, VgonioWarning, nearest, relative_tolerance
 from ..surface.heightfield import Heightfield
 from ..surface.interpolant import Interpolant
 from . import nufft
@@ -58,8 +58,7 @@ def evaluate(
     w = _window(surface, window)
     if method not in METHODS:
         raise InputError(f"method {method!r}: {nearest(str(method), METHODS)}")
-    if not 0 < tol < 1:
-        raise InputError(f"tol = {tol}: a relative error between 0 and 1 is needed")
+    relative_tolerance(tol)
     surface.require_complete()
     if len(vectors) == 0:
         return Transform(np.zeros(0, np.complex128), 0.0, method, surface.pitch_um, 0)

@@ -13,7 +13,7 @@ import xarray as xr
 
 from ..dataset import brdf_dataset, label, versions
 from ..directions import Detector, Incoming, wavelength_list
-from ..errors import InputError, VgonioWarning, nearest
+from ..errors import InputError, VgonioWarning, nearest, relative_tolerance, whole
 from ..materials import Material, material
 from ..surface.heightfield import Heightfield
 from ..units import wavenumber
@@ -100,10 +100,10 @@ class Kirchhoff:
                 f"polarised = True is for theory 'kirchhoff', with amplitudes at each facet: got {self.theory!r} "
                 f"and fresnel {self.fresnel!r}; leave them out"
             )
-        if not 0 < self.tol < 1:
-            raise InputError(f"tol = {self.tol}: a relative error between 0 and 1 is needed")
-        if self.windows is not None and self.windows < 1:
-            raise InputError(f"windows = {self.windows}: at least one is needed")
+        relative_tolerance(self.tol)
+        if self.windows is not None:
+            whole("windows", self.windows, 1)
+        whole("seed", self.seed, 0)
         object.__setattr__(self, "material", material(self.material))
         self.material.check(self.wavelength_nm)  # type: ignore[union-attr]
 

@@ -1,0 +1,30 @@
+"""Arguments of the wrong kind are an InputError from every solver, never a bare TypeError or OverflowError."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import vgonio as vg
+from vgonio.errors import InputError
+
+RAYS = [("rays", "a"), ("rays", None), ("rays", math.nan), ("rays", 1e23), ("max_bounces", math.inf), ("bounces", 1.5),
+        ("tol", "a"), ("tol", 0), ("seed", None), ("seed", -1), ("threads", -1)]  # fmt: skip
+WAVES = [("windows", 1.5), ("windows", "a"), ("tol", None), ("tol", "a"), ("seed", -1), ("seed", "a")]
+
+
+@pytest.mark.parametrize(("name", "value"), RAYS)
+def test_rays(name, value):
+    with pytest.raises(InputError, match=name):
+        vg.geometric.RayOptics(**{name: value})
+
+
+@pytest.mark.parametrize(("name", "value"), WAVES)
+def test_waves(name, value):
+    with pytest.raises(InputError, match=name):
+        vg.wave.Kirchhoff(**{name: value})
+
+
+def test_whole_numbers_may_be_floats():
+    assert vg.geometric.RayOptics(rays=1e5).rays == 100_000
