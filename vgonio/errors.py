@@ -50,15 +50,16 @@ def nearest(name: object, known: Iterable[str]) -> str:
     return f"did you mean {close[0]!r}?" if close else "known: " + ", ".join(known[:MOST_NAMES]) + more
 
 
-def whole(name: str, value: Any, least: int) -> int:
-    """`value` as an int from `least` to 2⁶³ − 1; InputError otherwise."""
+def whole(name: str, value: Any, least: int, most: int | None = None) -> int:
+    """`value` as an int from `least` to `most`; InputError otherwise."""
     try:
         n = int(value)
-        fits = n == value and least <= n < 2**63 and not isinstance(value, bool)
+        fits = n == value and least <= n <= (n if most is None else most) and not isinstance(value, bool)
     except (TypeError, ValueError, OverflowError):
         fits = False
     if not fits:
-        raise InputError(f"{name} = {value!r}: a whole number of at least {least} is needed")
+        top = "" if most is None else f" and at most {most:g}"
+        raise InputError(f"{name} = {value!r}: a whole number of at least {least}{top} is needed")
     return n
 
 

@@ -29,6 +29,7 @@ from .tracers import TRACERS
 Floats = NDArray[np.float64]
 LOST_TOO_MUCH = 0.01  # a share that is worth a warning
 LOST_ENOUGH = 5e-4  # a finite sample that loses more of a trial through its sides is mirrored instead
+MOST_RAYS = 10**15  # years of tracing: a slip of the pen
 EDGES = ("auto", "guard", "mirror")
 
 
@@ -73,7 +74,8 @@ class RayOptics:
     def __post_init__(self) -> None:
         object.__setattr__(self, "wavelength_nm", tuple(wavelength_list(self.wavelength_nm)))
         for name, low in (("rays", 1), ("max_bounces", 1), ("bounces", 1), ("refinement", 1)):
-            object.__setattr__(self, name, whole(name, getattr(self, name), low))
+            most = MOST_RAYS if name == "rays" else None
+            object.__setattr__(self, name, whole(name, getattr(self, name), low, most))
         if self.tol is not None:
             relative_tolerance(self.tol)
         if self.threads is not None:
