@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -338,6 +339,14 @@ def test_ctrl_c_ends_with_130_and_keeps_what_was_finished(scene, sent):
     assert "Traceback" not in err
     assert {p.name for p in scene.parent.iterdir()} == {"scene.toml", "long.partial.nc"}
     assert "rays" in vg.open(scene.parent / "long.partial.nc").children
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
+def test_closed_streams_are_no_fault(scene, closed):
+    command = f"{shlex.quote(sys.executable)} -m vgonio plan scene.toml {closed}"
+    done = subprocess.run(["sh", "-c", command], cwd=scene.parent, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0
+    assert "error" not in done.stderr
 
 
 def test_a_terminal_without_greek_is_no_reason_to_fail(scene):

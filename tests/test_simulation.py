@@ -16,7 +16,7 @@ import xarray as xr
 import vgonio as vg
 from vgonio import assembly
 from vgonio.dataset import brdf_dataset
-from vgonio.errors import InputError, MaterialError
+from vgonio.errors import FileFormatError, InputError, MaterialError
 from vgonio.simulation import simulate, simulated
 
 
@@ -156,6 +156,28 @@ def test_an_interruption_keeps_what_was_finished_under_another_name(stand_ins, t
     assert any("result.partial.nc" in note for note in caught.value.__notes__)
 
 
+@pytest.mark.parametrize("failing", ["vgonio.measure.storage.save", "vgonio.report.page"])
+def test_an_interruption_while_writing_loses_nothing(stand_ins, tmp_path, monkeypatch, failing):
+    from importlib import import_module
+
+    module, _, name = failing.rpartition(".")
+    right, calls = getattr(import_module(module), name), []
+
+    def once(*arguments):
+        calls.append(arguments)
+        if len(calls) == 1:
+            raise KeyboardInterrupt
+        return right(*arguments)
+
+    monkeypatch.setattr(import_module(module), name, once)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        simulate(scene(output={"file": str(tmp_path / "r.nc"), "report": str(tmp_path / "r.html")}))
+    kept = "r.partial.nc" if name == "save" else "r.nc"
+    assert [p.name for p in tmp_path.iterdir()] == [kept]
+    assert {"rays", "waves"} <= set(vg.open(tmp_path / kept).children)
+    assert kept in caught.value.__notes__[0]
+
+
 def test_an_interruption_before_anything_was_finished_leaves_nothing(stand_ins, tmp_path):
     stand_ins.interrupt = "rays"
     with pytest.raises(KeyboardInterrupt):
@@ -188,3 +210,20 @@ def test_the_ray_tracer_takes_the_threads_of_the_command_line(monkeypatch, asked
 
     monkeypatch.setenv("OMP_NUM_THREADS", asked)
     assert assembly.rays(load_scene(scene())).threads == threads
+
+
+@pytest.mark.parametrize("name", ["scene", "plan", "provenance", "seconds"])
+def test_a_result_with_spoilt_attributes_is_refused(stand_ins, tmp_path, name):
+    tree = simulate(scene())
+    for spoilt in ("{", 7.5):
+        tree.attrs[name] = spoilt
+        path = vg.save(tree, tmp_path / "result.nc")
+        with pytest.raises(FileFormatError, match=name):
+            vg.open(path)
+
+
+def test_a_result_with_a_spoilt_surface_is_refused(stand_ins, tmp_path):
+    tree = simulate(scene())
+    tree["surface"] = xr.DataTree(tree["surface"].to_dataset().drop_vars("height_density"))
+    with pytest.raises(FileFormatError, match="height_density"):
+        vg.open(vg.save(tree, tmp_path / "result.nc"))

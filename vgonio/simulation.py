@@ -64,11 +64,11 @@ def simulate(
     try:
         for name, data in _groups(checked, plan, inputs, run):
             tree[name] = xr.DataTree(data)
+        tree.attrs["seconds"] = json.dumps(run.seconds)
+        _write(tree, result_path, page_path, run)
     except KeyboardInterrupt as interrupt:
         _keep_finished(tree, run, result_path, interrupt)
         raise
-    tree.attrs["seconds"] = json.dumps(run.seconds)
-    _write(tree, result_path, page_path, run)
     return tree
 
 
@@ -157,6 +157,9 @@ def _write(tree: xr.DataTree, result_path: Path | None, page_path: Path | None, 
 def _keep_finished(tree: xr.DataTree, run: _Run, path: Path | None, interrupt: KeyboardInterrupt) -> None:
     """Save the complete groups under another name: a result of the full name is always complete."""
     finished = [name for name in tree.children if name != "surface"]
+    if "save" in run.seconds:
+        interrupt.add_note(f"the result is complete in {path}, its page is not written")
+        return
     if path is None or not finished:
         interrupt.add_note("nothing was finished, nothing is kept")
         return

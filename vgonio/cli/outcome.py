@@ -24,6 +24,7 @@ DONE, OWN_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 def run(arguments: list[str]) -> int:
     """Run one command line; see `vgonio.cli.main`."""
     kept = _Warnings()
+    _stand_in_for_closed_streams()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # where a terminal knows no θ, a question mark has to do
     try:
@@ -39,6 +40,13 @@ def run(arguments: list[str]) -> int:
         return OWN_FAULT
     kept.show()
     return status
+
+
+def _stand_in_for_closed_streams() -> None:
+    """Where the caller closed standard output or error (`>&-`), Python has None there: what is said goes nowhere."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 import os
 import sys
 import warnings
@@ -17,6 +18,7 @@ from ..files import written_whole
 
 FORMAT = "vgonio result"
 FORMAT_VERSION = 1
+JSON_ATTRIBUTES = ("scene", "plan", "provenance", "seconds")
 GROUPS = ("rays", "waves", "measured", "comparison")
 
 
@@ -55,9 +57,14 @@ def open(path: str | os.PathLike[str]) -> xr.DataTree:
     if loaded is None:
         raise FileFormatError(f"{path} is not a NetCDF-4 file ({reason})")
     require_ours(loaded.attrs, path)
+    _require_json(loaded.attrs, path)
     for node in loaded.subtree:
         if "brdf" in node.data_vars:
             check(node.to_dataset(), f"{path}, group {node.path}")
+        elif node.path == "/surface":
+            from .surface_summary import check_summary
+
+            check_summary(node.to_dataset(), f"{path}, group {node.path}")
     return loaded
 
 
@@ -74,6 +81,14 @@ def _loaded(path: Path) -> tuple[xr.DataTree | None, str]:
         return None, reason
     finally:
         sys.unraisablehook = hook
+
+
+def _require_json(attrs: dict[Any, Any], path: Path) -> None:
+    for name in set(JSON_ATTRIBUTES) & set(attrs):
+        try:
+            json.loads(attrs[name])
+        except (TypeError, ValueError):
+            raise FileFormatError(f"{path}: the attribute {name!r} is not JSON text: the file is damaged") from None
 
 
 def require_ours(attrs: dict[Any, Any], path: Path) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ..errors import FileFormatError
 from ..surface.heightfield import Heightfield
 from ..surface.spectrum import psd
 from ..surface.statistics import parameters, slope_distribution
@@ -31,6 +32,20 @@ UNITS = {
     "slope": ("1", "slope"),
     "frequency": ("um-1", "spatial frequency"),
 }
+
+
+NEEDED = {"z": ("y", "x"), "height_density": ("height",), "slope_density": ("slope",)}
+
+
+def check_summary(data: xr.Dataset, what: str = "summary") -> xr.Dataset:
+    """Raise FileFormatError unless `data` is a summary of a surface as `surface_dataset` makes it."""
+    for name, dims in NEEDED.items():
+        variable = data.get(name)
+        if variable is None or variable.dims != dims or variable.dtype.kind != "f" or not variable.size:
+            raise FileFormatError(f"{what}: {name!r} over {', '.join(dims)} is missing or holds no numbers")
+        if not set(dims) <= set(data.coords):
+            raise FileFormatError(f"{what}: {name!r} lacks a coordinate of {', '.join(dims)}")
+    return data
 
 
 def surface_dataset(surface: Heightfield) -> xr.Dataset:
