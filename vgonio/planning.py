@@ -17,7 +17,7 @@ import numpy as np
 from . import assembly
 from .errors import InputError
 from .scene import Light, Scene, load_scene
-from .validity import wave_warnings
+from .validity import expectations, wave_warnings
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -178,7 +178,19 @@ def _wave_stages(scene: Scene, surface: Heightfield | None) -> list[Stage]:
             library,
             f"{count:,} directions × wavelengths, {windows} coherence windows{_dearer(scene)}",
         ),
+        _trust_stage(surface, scene.wave.theory, light),
     ]
+
+
+def _trust_stage(surface: Heightfield, theories: list[str], light: Light) -> Stage:
+    """How far the theories are from rigorous gratings like this surface."""
+    found = expectations(surface, theories, light)
+    if not found:
+        return Stage("expected error", False, "no rigorous grating to compare with (a plane, or another theory)")
+    if any(e.outside for e in found):
+        return Stage("expected error", False, "no rigorous grating is like this surface: see the warnings")
+    most = "; ".join(f"{e.theory} {e.error[1]:.1%}, worst at {e.theta_i_deg:g}°" for e in found)
+    return Stage("expected error", True, f"{most}; from rigorous gratings like this surface (docs/trust.md)")
 
 
 def _dearer(scene: Scene) -> str:

@@ -10,12 +10,14 @@ from .surface.statistics import parameters, slopes
 
 if TYPE_CHECKING:
     from .surface import Heightfield
+    from .wave.trust import Expectation
 
 STEEP_DEG = 30.0  # a facet steeper than this throws normally incident light onto a neighbour of the same slope
 STEEP_SHARE = 0.01
 SMITH_LIMIT = 1.6  # Walter et al. 2007: masking is negligible for 1/(α tan θ) ≥ 1.6
 CURVATURE_FACTOR = 10.0  # "much larger" of Beckmann and Spizzichino 1963: 4π r cos θ ≫ λ
 FEW_WINDOWS = 10
+NOTABLE = 0.05  # error beside rigorous gratings that is worth a warning
 
 
 def steep_share(surface: Heightfield) -> float:
@@ -37,6 +39,7 @@ def wave_warnings(
     """One line for every criterion that the surface, the angles or the coherence length fail."""
     angles = max(float(np.max(np.abs(light.theta_i_deg))), largest_theta_o)
     found = [
+        *rigorous_warnings(surface, theories, light),
         *_steep(surface),
         *(() if shadowing else _grazing(surface, angles)),
         *_curved(surface, float(np.max(np.abs(light.theta_i_deg))), max(light.wavelength_nm)),
@@ -51,6 +54,39 @@ def wave_warnings(
                 f"at {angles:g}°: trust it near the normal only"
             )
     return found
+
+
+def expectations(surface: Heightfield, theories: list[str], light: Any) -> list[Expectation]:
+    """The worst error to expect of each theory over the scene's angles and its shortest and longest wavelength."""
+    from .wave import trust
+
+    grating = trust.equivalent_grating(surface)
+    if grating[1] == 0:
+        return []
+    ends = sorted({min(light.wavelength_nm), max(light.wavelength_nm)})
+    cases = [(float(t), float(w)) for t in sorted({abs(t) for t in light.theta_i_deg}) for w in ends]
+    known = [t for t in theories if t in trust.THEORIES]
+    return [max((trust.expected(t, *grating, *c) for c in cases), key=lambda e: e.error[1]) for t in known]
+
+
+def rigorous_warnings(surface: Heightfield, theories: list[str], light: Any) -> list[str]:
+    """Theories that are off by more than NOTABLE on rigorous gratings like this surface, and where there are none."""
+    from .wave.trust import equivalent_grating
+
+    found = expectations(surface, theories, light)
+    shape, depth, period = equivalent_grating(surface)
+    lines = [
+        f"{e}; a {shape} grating of depth {depth:.3g} µm and period {period:.3g} µm was taken for it"
+        for e in found
+        if e.error[1] > NOTABLE
+    ]
+    outside = {line for e in found for line in e.outside}
+    if outside:
+        lines.append(
+            f"rigorous gratings say little about this surface (as a {shape} one, depth {depth:.3g} µm, period "
+            f"{period:.3g} µm): {', '.join(sorted(outside))} is outside of the table (docs/trust.md)"
+        )
+    return lines
 
 
 def _steep(surface: Heightfield) -> list[str]:
