@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..materials import Material
-from .cook_torrance_1982 import diffuse, facets, reflectance
-from .half_angle import half_angles
+from .cook_torrance_1982 import facets, reflectance
+from .geometry import Geometry
 
 Floats = NDArray[np.float64]
 WAVELENGTH_N_NM = 600.0  # λ_n, where every normalised spectrum and every shift is 1 (thesis, section 4.4)
@@ -33,9 +33,22 @@ def shift(m: ArrayLike, wavelength_nm: ArrayLike, wavelength_n_nm: float = WAVEL
     return 1.0 + np.multiply.outer(np.asarray(m, float), np.asarray(wavelength_nm, float) - wavelength_n_nm)
 
 
-def brdf(
-    theta_i: Floats,
-    theta_o: Floats,
+def shift_factor(
+    geometry: Geometry,
+    wavelength_nm: Floats,
+    *,
+    h: float,
+    w: float,
+    t_y: float = 0.0,
+    wavelength_n_nm: float = WAVELENGTH_N_NM,
+    **_: object,
+) -> Floats:
+    """The shift of 4.4 and 4.5 at each pair of directions and wavelength, as it is, negative values included."""
+    return shift(slope(geometry.theta_m, h, w, t_y), wavelength_nm, wavelength_n_nm)
+
+
+def terms(
+    geometry: Geometry,
     wavelength_nm: Floats,
     *,
     alpha: float,
@@ -45,23 +58,23 @@ def brdf(
     p: float = 1.0,
     material: str | Material = "Al",
     eta: float | None = None,
-    k_d: ArrayLike = 0.0,
     distribution: str = "ggx",
     wavelength_n_nm: float = WAVELENGTH_N_NM,
     clamp: bool = False,
-) -> tuple[Floats, dict[str, float]]:
-    """BRDF in sr⁻¹, shape (n_i, n_o, n_λ): shift · D F^p G/(4 cos θ_i cos θ_o) + k_d/π (4.8; there t_y = 0 and p = 1).
+) -> dict[str, Floats]:
+    """What k_s (1) and k_d(λ) multiply: shift · D F^p G/(4 cos θ_i cos θ_o) and 1/π (4.8; there t_y = 0 and p = 1).
 
-    Also returns `shift_negative_share`, the share of (θ_i, θ_o, λ) whose shift is below 0, and `shift_minimum`.
     With `clamp` negative shifts become 0; otherwise they are left, and so is the negative BRDF.
     """
-    for name, value in {"h": h, "w": w, "t_y": t_y, "p": p}.items():
-        if not np.isfinite(value):
-            raise InputError(f"{name} = {value} is not a finite number")
-    theta_m, theta_d = half_angles(theta_i[:, None], theta_o[None, :])
-    factor = shift(slope(theta_m, h, w, t_y), wavelength_nm, wavelength_n_nm)
-    report = {"shift_negative_share": float(np.mean(factor < 0)), "shift_minimum": float(factor.min())}
+    require_finite(h=h, w=w, t_y=t_y, p=p)
+    factor = shift_factor(geometry, wavelength_nm, h=h, w=w, t_y=t_y, wavelength_n_nm=wavelength_n_nm)
     if clamp:
         factor = np.maximum(factor, 0.0)
-    f = reflectance(theta_d, wavelength_nm, material, eta) ** p
-    return facets(theta_i, theta_o, alpha, distribution)[..., None] * f * factor + diffuse(k_d, wavelength_nm), report
+    f = reflectance(geometry.theta_d, wavelength_nm, material, eta) ** p
+    return {"k_s": facets(geometry, alpha, distribution)[..., None] * f * factor, "k_d": np.full((1,), 1.0 / np.pi)}
+
+
+def require_finite(**values: float) -> None:
+    for name, value in values.items():
+        if not np.isfinite(value):
+            raise InputError(f"{name} = {value} is not a finite number")

@@ -1,7 +1,11 @@
-"""Cook–Torrance in the thesis' modified forms: facets without albedos (4.6), with a diffuse part for dielectrics (4.7).
+"""Cook–Torrance: k_d/π + k_s D F G/(4 cos θ_i cos θ_o) − c, in all the forms of the thesis.
 
 Cook and Torrance, "A reflectance model for computer graphics", ACM TOG 1982. Distribution and masking are those of
 `walter_2007` ("ggx", the thesis' choice) or `beckmann_1963` ("beckmann"); G is the separable product of 2.24.
+
+2.23 has k_d(λ) and k_s(λ); 3.1 subtracts a constant c from it; 4.6 is k_s = 1, k_d = 0 (conductors), 4.7 k_s = 1
+(dielectrics). With k_d(λ) free, c is not a parameter of its own: k_d/π − c is all that counts, and c says no more than
+that k_d may become negative.
 """
 
 from __future__ import annotations
@@ -12,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, nearest
 from ..materials import Material, material
 from . import beckmann_1963, walter_2007
-from .half_angle import half_angles
+from .geometry import Geometry
 
 Floats = NDArray[np.float64]
 DISTRIBUTIONS = {"ggx": walter_2007, "beckmann": beckmann_1963}
@@ -39,49 +43,36 @@ def reflectance(
     if eta is not None:
         if not (np.isfinite(eta) and eta >= 1):
             raise InputError(f"eta = {eta}: the refractive index of a dielectric in air is at least 1")
-        return np.repeat(fresnel_dielectric(np.cos(theta_d), eta)[..., None], wavelength_nm.size, axis=-1)
+        one = fresnel_dielectric(np.cos(theta_d), eta)[..., None]
+        return np.broadcast_to(one, (*np.shape(theta_d), wavelength_nm.size))
     return material(reflector or "Al").reflectance(np.cos(theta_d), wavelength_nm)
 
 
-def facets(theta_i: Floats, theta_o: Floats, alpha: float, distribution: str = "ggx") -> Floats:
-    """D·G/(4 cos θ_i cos θ_o) in sr⁻¹, shape (n_i, n_o), for signed in-plane angles in radians: 4.6 with F = 1."""
+def facets(geometry: Geometry, alpha: float, distribution: str = "ggx") -> Floats:
+    """D·G/(4 cos θ_i cos θ_o) in sr⁻¹, shape of the geometry: 4.6 with F = 1."""
     if distribution not in DISTRIBUTIONS:
         raise InputError(f"distribution {distribution!r}: {nearest(distribution, DISTRIBUTIONS)}")
     if not (np.isfinite(alpha) and alpha > 0):
         raise InputError(f"alpha = {alpha}: the width of the facet distribution has to be positive")
     shape = DISTRIBUTIONS[distribution]
-    theta_m, _ = half_angles(theta_i[:, None], theta_o[None, :])
-    masked = shape.masking(theta_i, alpha)[:, None] * shape.masking(theta_o, alpha)[None, :]
-    return shape.distribution(theta_m, alpha) * masked / (4.0 * np.cos(theta_i)[:, None] * np.cos(theta_o)[None, :])
+    masked = shape.masking(geometry.theta_i, alpha) * shape.masking(geometry.theta_o, alpha)
+    return shape.distribution(geometry.theta_m, alpha) * masked / (4.0 * geometry.cos_i * geometry.cos_o)
 
 
-def diffuse(k_d: ArrayLike, wavelength_nm: Floats) -> Floats:
-    """k_d(λ)/π in sr⁻¹, shape (n_λ,), of a diffuse albedo 0…1 that is a number or one value per wavelength."""
-    values = np.asarray(k_d, dtype=np.float64)
-    if values.ndim > 1 or values.size not in (1, wavelength_nm.size):
-        raise InputError(
-            f"k_d has shape {values.shape}: give a number or one value for each of {wavelength_nm.size} wavelengths"
-        )
-    if not np.all((values >= 0) & (values <= 1)):
-        raise InputError(f"k_d = {values.tolist()}: a diffuse albedo lies within 0…1")
-    return np.broadcast_to(values, wavelength_nm.shape) / np.pi
-
-
-def brdf(
-    theta_i: Floats,
-    theta_o: Floats,
+def terms(
+    geometry: Geometry,
     wavelength_nm: Floats,
     *,
     alpha: float,
+    c: float = 0.0,
     material: str | Material = "Al",
     eta: float | None = None,
-    k_d: ArrayLike = 0.0,
     distribution: str = "ggx",
-) -> tuple[Floats, dict[str, float]]:
-    """BRDF in sr⁻¹, shape (n_i, n_o, n_λ), and no figures to report. Thesis 4.6; with k_d > 0 4.7.
-
-    theta_i (n_i,), theta_o (n_o,) : signed in-plane angles, radians;  wavelength_nm (n_λ,)
-    """
-    _, theta_d = half_angles(theta_i[:, None], theta_o[None, :])
-    f = reflectance(theta_d, wavelength_nm, material, eta)
-    return facets(theta_i, theta_o, alpha, distribution)[..., None] * f + diffuse(k_d, wavelength_nm), {}
+) -> dict[str, Floats]:
+    """What k_s(λ) and k_d(λ) multiply, and "", what nothing multiplies: sr⁻¹, geometry.shape + (n_λ,) or broadcast."""
+    if not np.isfinite(c):
+        raise InputError(f"c = {c} is not a finite number (sr⁻¹)")
+    f = reflectance(geometry.theta_d, wavelength_nm, material, eta)
+    specular = facets(geometry, alpha, distribution)[..., None] * f
+    constant = {"": np.full((1,), -c)} if c else {}
+    return {"k_s": specular, "k_d": np.full((1,), 1.0 / np.pi), **constant}
