@@ -1,0 +1,5 @@
+"""A rigorous boundary-integral solver for one-dimensional profiles: gratings, and finite profiles under a beam."""
+
+from .tapered import scatter_profile
+
+__all__ = ["scatter_profile"]
