@@ -176,6 +176,21 @@ def lab(values: Floats) -> Floats:
     return colour.XYZ_to_Lab(values, colour.RGB_COLOURSPACES["sRGB"].whitepoint)
 
 
+def delta_e(reference: Floats, other: Floats, method: str = "CIE 2000") -> Floats:
+    """Colour difference of L*a*b* values (…, 3), broadcast: "CIE 2000" (ΔE₀₀) or "CIE 1976" (ΔE₇₆)."""
+    return np.asarray(_colour().delta_E(reference, other, method=method))
+
+
+def linear_srgb(values: Floats) -> Floats:
+    """Linear sRGB (…, 3) of XYZ (…, 3), not clipped; D65 with Y = 1 is (1, 1, 1)."""
+    return values @ _standard()[3].T
+
+
+def srgb(values: Floats) -> Floats:
+    """Encoded sRGB in 0…1 of XYZ (…, 3), clipped."""
+    return np.asarray(_colour().models.eotf_inverse_sRGB(np.clip(linear_srgb(values), 0.0, 1.0)))
+
+
 def delta_e_2000(
     reference: xr.Dataset, predicted: xr.Dataset, scale: str = "reference-Y50", wavelength_n: float = 600.0
 ) -> xr.DataArray:
@@ -200,7 +215,7 @@ def delta_e_2000(
         factor = 0.5 / luminance.where(luminance > 0)
         x, y = x * factor, y * factor
     with np.errstate(invalid="ignore"):
-        difference = _colour().delta_E(lab(x.values), lab(y.values), method="CIE 2000")
+        difference = delta_e(lab(x.values), lab(y.values))
     result = xr.DataArray(difference, dims=x.dims[:-1], coords={k: v for k, v in x.coords.items() if k != "xyz"})
     attrs = {"scale": scale, "squares_left_out": int(np.isnan(difference).sum())}
     if scale == "normalised":
