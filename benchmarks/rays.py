@@ -2,9 +2,9 @@
 
     python benchmarks/rays.py [--quick]
 
-All ratios compare runs next to each other on the same machine; seconds are processor time where other work on the
-machine would spoil them. The bare call is embreex' own `EmbreeScene.run` on the very arrays that the run cast, in the
-same order, in single precision already.
+All ratios compare runs next to each other on the same machine; elsewhere seconds are processor time where other work
+on the machine would spoil them. The bare call is embreex' own `EmbreeScene.run` on the very arrays that the run cast,
+in the same order, in single precision already.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ import numpy as np
 import vgonio as vg
 from vgonio.geometric.beam import ParallelBeam, Scene, Strip
 from vgonio.geometric.embree import Embree
-from vgonio.geometric.sampling import BATCH
 from vgonio.geometric.singles import Counts, count_batch
 from vgonio.geometric.tracers import TRACERS
 
@@ -54,55 +53,36 @@ def timed(work: Callable[[], Any]) -> tuple[float, float, Any]:
 
 
 class Recording(Embree):
-    """Embree that keeps what it was asked, and the processor time it took with the conversion to single precision."""
+    """Embree that keeps what it was asked, in double precision as the tracer gets it and in single as embreex does."""
 
     def __init__(self, mesh) -> None:
         super().__init__(mesh)
         self.asked: list[tuple[np.ndarray, np.ndarray]] = []
-        self.seconds = 0.0
+        self.single: list[tuple[np.ndarray, np.ndarray]] = []
 
     def facet(self, position, direction):
-        start = time.thread_time()
-        found = super().facet(position, direction)
-        self.seconds += time.thread_time() - start
-        single = (position - self.origin).astype(np.float32), np.asarray(direction, np.float32).copy()
-        self.asked.append(single)
-        return found
+        self.asked.append((position.copy(), direction))
+        self.single.append(((position - self.origin).astype(np.float32), np.array(direction, np.float32)))
+        return super().facet(position, direction)
 
 
-def intersections(rays: int, repeat: int = 7) -> dict[str, float]:
-    """Our intersection stage against bare embreex on the very same rays; the least of `repeat` runs."""
-    TRACERS["recording"] = Recording
-    scene = Scene.of(rough(), 1, "recording")
-    incoming = vg.measure.Gonioreflectometer.hemisphere(theta_i_deg=[30]).incoming
-    ours, bare = [], {1: [], 2: []}
-    for _ in range(repeat):
-        beam = ParallelBeam(scene, incoming, 0)
-        beam.fate(np.zeros(1, np.int64))
-        counts = Counts(beam.facets, rays)
-        scene.tracer.asked.clear()
-        scene.tracer.seconds = 0.0
-        batches = max(1, rays // BATCH)
-        for k in range(batches):
-            strip = Strip(rays // batches, k * (rays // batches), rays)
-            count_batch(beam, counts, strip, np.random.default_rng(k), 100)
-        ours.append(scene.tracer.seconds)
-        for threads in bare:
-            with ThreadPoolExecutor(threads) as pool:
-                _, cpu, _ = timed(lambda: list(pool.map(lambda a: scene.tracer.scene.run(*a), scene.tracer.asked)))
-            bare[threads].append(cpu)
+def casts_of_a_run(rays: int) -> Recording:
+    """The tracer with all rays that a run of the issue's case casts, in the order of the run."""
+    gonio = vg.measure.Gonioreflectometer.hemisphere(theta_i_deg=[30])
+    kept: list[Recording] = []
+
+    def remember(mesh):
+        kept.append(Recording(mesh))
+        return kept[-1]
+
+    TRACERS["recording"] = remember
+    gonio.measure(rough(), vg.geometric.RayOptics("Al", [550], rays=rays, threads=1, tracer="recording"))
     del TRACERS["recording"]
-    cast = sum(len(a) for a, _ in scene.tracer.asked)
-    return {
-        "rays": rays // batches * batches,
-        "casts": cast,
-        "ours": min(ours),
-        "bare 1": min(bare[1]),
-        "bare 2": min(bare[2]),
-    }
+    return kept[0]
 
 
 def case_of_the_issue(rays: int, wavelengths: int, threads: int) -> tuple[float, float]:
+    """Seconds of the clock and of the processor, building and sorting included."""
     gonio = vg.measure.Gonioreflectometer.hemisphere(theta_i_deg=[30], resolution_deg=5)
     solver = vg.geometric.RayOptics("Al", np.linspace(400, 700, wavelengths), rays=rays, threads=threads)
     surface = rough()
@@ -110,23 +90,46 @@ def case_of_the_issue(rays: int, wavelengths: int, threads: int) -> tuple[float,
     return wall, cpu
 
 
-def speed(rays: int) -> None:
+def against_embree(rays: int, repeat: int) -> None:
+    """The intersection stage and the whole run over bare embreex on the same rays, one after the other, often.
+
+    Seconds of the clock: with two threads that is what counts, and the ratio of neighbours in time bears a busy
+    machine.
+    """
+    tracer = casts_of_a_run(rays)
+    print(f"  {rays:,} rays, {sum(len(a) for a, _ in tracer.asked):,} casts; medians of {repeat} (least … largest)")
+    for threads in (1, 2):
+        seconds: dict[str, list[float]] = {"bare": [], "stage": [], "whole": []}
+        with ThreadPoolExecutor(threads) as pool:
+            for _ in range(repeat):
+                seconds["bare"].append(timed(lambda: list(pool.map(lambda a: tracer.scene.run(*a), tracer.single)))[0])
+                seconds["stage"].append(
+                    timed(lambda: list(pool.map(lambda a: Embree.facet(tracer, *a), tracer.asked)))[0]
+                )
+                seconds["whole"].append(case_of_the_issue(rays, 21, threads)[0])
+        bare = np.array(seconds["bare"])
+        print(f"  threads: {threads}; bare embreex {np.median(bare):.3f} s")
+        for name, meaning in (
+            ("stage", "intersection stage"),
+            ("whole", "whole run, 21 wavelengths, mesh included"),
+        ):
+            ratio = np.array(seconds[name]) / bare
+            print(f"    {meaning} / bare: {np.median(ratio):.2f} ({ratio.min():.2f} … {ratio.max():.2f})")
+
+
+def speed(rays: int, repeat: int) -> None:
     case_of_the_issue(min(rays, 20_000), 4, 1)  # libraries are loaded
-    print("\nAgainst bare embreex (processor seconds; 256 × 256 Gaussian, Al, 30°, hemisphere of 5°)")
-    seen = intersections(min(rays, 1_000_000))
-    rate = seen["casts"] / seen["bare 1"] / 1e6
-    print(f"  {seen['rays']:,} rays, {seen['casts']:,} casts; bare {seen['bare 1']:.3f} s ({rate:.1f} M casts/s)")
-    print(f"  intersection stage / bare embreex       {seen['ours'] / seen['bare 1']:.2f}")
-    print(f"  bare embreex on two threads / on one    {seen['bare 2'] / seen['bare 1']:.2f}  (processor time)")
+    print("\nThe issue's case: 256 × 256 Gaussian surface, Al, 30°, hemisphere of 5°")
     for threads in (1, 2):
         for wavelengths in (4, 21, 31):
             wall, cpu = min(case_of_the_issue(rays, wavelengths, threads) for _ in range(2))
-            ratio = cpu / (seen["bare 1"] * rays / seen["rays"])
             memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
             print(
                 f"  {rays:,} rays, {wavelengths:2d} wavelengths, {threads} threads: {wall:.2f} s ({cpu:.2f} s of the "
-                f"processor, {ratio:.2f} × bare), peak {memory:.0f} MB"
+                f"processor), peak {memory:.0f} MB"
             )
+    print("\nAgainst bare embreex, the same case")
+    against_embree(rays, repeat)
 
 
 def narrow_detectors(rays: int) -> None:
@@ -173,10 +176,11 @@ def scaling(rays: int, sizes: tuple[int, ...]) -> None:
         surface = rough(samples)
         _, build, scene = timed(lambda: Scene.of(surface, 1, "embree"))  # noqa: B023
         beam = ParallelBeam(scene, vg.measure.Gonioreflectometer([30], [0]).incoming, 0)
-        _, look, _ = timed(lambda: beam.fate(np.zeros(1, np.int64)))  # noqa: B023
+        with ThreadPoolExecutor(1) as pool:
+            _, look, _ = timed(lambda: beam.prepare(pool))  # noqa: B023
         counts = Counts(beam.facets, rays)
         strips = [Strip(rays // 8, k * (rays // 8), rays) for k in range(8)]
-        _, cpu, _ = timed(lambda: [count_batch(beam, counts, s, np.random.default_rng(0), 100) for s in strips])  # noqa: B023
+        _, cpu, _ = timed(lambda: list(count_batch(beam, counts, strips, np.random.default_rng(0), 100)))  # noqa: B023
         print(
             f"  {beam.facets:10,} triangles: build {build:.2f} s, facets' fates {look:.2f} s, "
             f"{rays / cpu / 1e6:.2f} M rays/s"
@@ -206,10 +210,14 @@ def tracers(rays: int) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--speed", action="store_true", help="only the comparison with bare embreex")
     parser.add_argument("--quick", action="store_true", help="few rays: only shows that it runs")
-    quick = parser.parse_args(arguments).quick
+    chosen = parser.parse_args(arguments)
+    quick = chosen.quick
     print(machine())
-    speed(30_000 if quick else 4_000_000)
+    speed(30_000 if quick else 4_000_000, 2 if quick else 7)
+    if chosen.speed:
+        return
     narrow_detectors(20_000 if quick else 400_000)
     tolerances(30_000 if quick else 10_000_000)
     scaling(20_000 if quick else 500_000, (64,) if quick else (128, 256, 512, 1024))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,7 +15,8 @@ from ..directions import Incoming, frames, s_axes
 from ..errors import InputError, VgonioWarning
 from ..surface.heightfield import Heightfield
 from ..surface.mesh import KEPT_FACETS, Mesh, mesh, profile_once
-from .trace import Paths, Tracer, trace
+from .threads import in_order
+from .trace import Paths, Tracer, ahead, dot, trace
 from .tracers import TRACERS
 
 Floats = NDArray[np.float64]
@@ -61,11 +64,15 @@ class Scene:
             )
         return area
 
-    def paths(self, incoming: Incoming, i: int, n: int, rng: np.random.Generator, max_bounces: int) -> Paths:
-        """Trace n rays of incidence i: starts stratified over the area, directions over the source's cone."""
+    def paths(
+        self, incoming: Incoming, i: int, n: int, rng: np.random.Generator, max_bounces: int, at_once: int = CHUNK
+    ) -> Iterator[Paths]:
+        """Trace n rays of incidence i, `at_once` at a time: starts stratified, directions over the source's cone."""
         position = Starts(self.required_area(incoming, i), self.mesh.z_range[1], n).draw(rng)
         direction, s = rays_of_source(incoming, i, n, rng)
-        return trace(self.mesh, self.tracer, position, direction, s, max_bounces)
+        for a in range(0, n, at_once):
+            part = slice(a, a + at_once)
+            yield trace(self.mesh, self.tracer, position[part], direction[part], s[part], max_bounces)
 
 
 def warn_of_fine_relief(m: Mesh) -> None:
@@ -162,8 +169,8 @@ class ParallelBeam:
     def reflected(self, facet: NDArray) -> tuple[Floats, Floats, Floats]:
         """Normals (n, 3), directions after the reflection (n, 3) and cosines of incidence (n,) of facets (n,)."""
         normal, _ = self.scene.mesh.planes(facet)
-        cos_i = -(normal @ self.direction)
-        return normal, self.direction + (2 * cos_i)[:, None] * normal, cos_i
+        cos_i = -dot(normal, self.direction)
+        return normal, ahead(self.direction, 2 * cos_i, normal), cos_i
 
     def _fate(self, facet: NDArray) -> NDArray[np.uint8]:
         _, away, cos_i = self.reflected(facet)
@@ -172,10 +179,13 @@ class ParallelBeam:
 
     def fate(self, facet: NDArray) -> NDArray[np.uint8]:
         """(n,) whether light on facets (n,) is reflected where nothing can stop it (FREE), perhaps not (OPEN), or
-        comes from behind (BEHIND). Worked out once for all facets of a mesh that is not too big."""
-        if self.facets > KEPT_FACETS:
-            return self._fate(facet)
-        if self._fates is None:
-            parts = [self._fate(np.arange(a, min(a + CHUNK, self.facets))) for a in range(0, self.facets, CHUNK)]
-            self._fates = np.concatenate(parts)
-        return self._fates[facet]
+        comes from behind (BEHIND)."""
+        return self._fate(facet) if self._fates is None else np.take(self._fates, facet)
+
+    def prepare(self, pool: Executor) -> None:
+        """Work out the fates of all facets, once; of a mesh that is too big they are worked out when asked for."""
+        if self.facets <= KEPT_FACETS:
+            mesh = self.scene.mesh
+            mesh.planes(np.zeros(1, np.int64)), mesh.steepest  # before several threads ask for them
+            chunks = [(np.arange(a, min(a + CHUNK, self.facets)),) for a in range(0, self.facets, CHUNK)]
+            self._fates = np.concatenate(list(in_order(pool, self._fate, chunks)))

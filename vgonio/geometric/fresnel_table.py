@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from ..materials import Material
@@ -24,6 +25,8 @@ class FresnelTable:
         s, p, cross = np.abs(rs) ** 2, np.abs(rp) ** 2, rs * rp.conj()
         self.table = np.stack([(s + p) / 2, (s - p) / 2, cross.real, cross.imag], axis=1)  # (nodes + 1, 4, w)
         self.first_two = np.ascontiguousarray(self.table[:, :2])
+        a, b = self.table[:, 0], self.table[:, 1]
+        self.powers, self.squares = (a, b), (a**2, 2 * a * b, b**2)
 
     def position(self, cos_i: Floats) -> tuple[NDArray[np.int64], Floats]:
         """Node below and fraction towards the next."""
@@ -41,6 +44,18 @@ class FresnelTable:
         above *= t[:, None, None]
         below += above
         return below[:, :count]
+
+    def histogram(self, cos_i: Floats, weight: Floats, row: NDArray, rows: int) -> sp.coo_array:
+        """(rows, nodes + 1) joint histogram of the rows that rays (n,) belong to and of their angles of incidence.
+
+        Its product with a column of the table is what `elements` gives, weighted and added up by row: the work does
+        not grow with rays × wavelengths any more.
+        """
+        i, t = self.position(cos_i)
+        entries = np.concatenate([weight * (1 - t), weight * t])
+        return sp.coo_array(
+            (entries, (np.concatenate([row, row]), np.concatenate([i, i + 1]))), shape=(rows, self.nodes + 1)
+        )
 
     def summed(self, cos_i: Floats, weight: Floats | None, element: int) -> Floats:
         """(w,) Σ weight · element(cos_i): the rays are gathered on the table's nodes first, wavelengths come after."""

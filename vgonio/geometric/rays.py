@@ -163,8 +163,8 @@ class RayOptics:
             rng = np.random.default_rng(0)
             if scene.start_area(incoming, i) is None:
                 return 1.0
-            paths = scene.paths(incoming, i, 20_000, rng, self.max_bounces)
-            worst = max(worst, float(np.mean(~paths.escaped)))
+            lost = sum(int((~p.escaped).sum()) for p in scene.paths(incoming, i, 20_000, rng, self.max_bounces, 5000))
+            worst = max(worst, lost / 20_000)
         return worst
 
     def _dataset(self, tallies: list[Tally], incoming: Incoming, detector: Detector) -> xr.Dataset:

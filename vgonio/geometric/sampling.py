@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +14,12 @@ from .beam import ParallelBeam, Scene, Strip
 from .facet_sampling import FacetSampling
 from .singles import Counts, Sort, count_batch, sorted_counts
 from .tally import Tally
+from .threads import in_order, workers
 
 Floats = NDArray[np.float64]
 BATCH = 1 << 16  # rays of one batch: bounds the memory, and leaves the tracer its share of the cache
 ESTIMATORS = ("auto", "binning", "facets")
+PATHS_MEMORY, BYTES_OF_A_HIT = 1 << 26, 32  # of one thread
 MARGIN = 1.1  # more work than a pilot says, so that the next look is mostly the last
 POINTS_BESIDE_RAYS = 4  # without a tolerance: one point on a facet for so many rays
 CASTS_OF_A_POINT = 1.0  # of a ray's: two casts of which the one towards a high source is left out
@@ -37,6 +38,12 @@ class Settings:
     wavelengths: int
     polarised: bool
 
+    @property
+    def at_once(self) -> int:
+        """Paths of several reflections that are held at a time: all their hits, four Stokes parameters each and what
+        is made of them stay within the memory set aside, however many reflections and wavelengths there are."""
+        return max(64, PATHS_MEMORY // max(BYTES_OF_A_HIT * self.max_bounces, 4 * 4 * 8 * self.wavelengths))
+
     def empty(self, detector: Detector) -> Tally:
         return Tally.empty(self.bounces, len(detector), self.wavelengths, self.polarised)
 
@@ -52,7 +59,7 @@ def sample_angle(
 ) -> tuple[Tally, str, int]:
     """The tally of incidence i, the estimator that was used, and the points it tried beside the rays."""
     run = _Parallel if incoming.divergence_deg == 0 else _Divergent
-    with ThreadPoolExecutor(settings.threads or os.cpu_count() or 1) as pool:
+    with workers(settings.threads) as pool:
         work = run(scene, incoming, i, detector, settings, sort, pool, rng)
         if settings.tol is None:
             work.more(settings.rays, -(-settings.rays // POINTS_BESIDE_RAYS))
@@ -90,15 +97,19 @@ class _Divergent:
         self.settings, self.sort, self.pool, self.rng = settings, sort, pool, rng
         self.total, self.rays = settings.empty(detector), 0
 
-    def _batch(self, strip: Strip, rng: np.random.Generator) -> Tally:
-        return self.sort(self.scene.paths(self.incoming, self.i, strip.rays, rng, self.settings.max_bounces))
+    def _batch(self, strips: list[Strip], rng: np.random.Generator) -> Tally:
+        out = self.settings.empty(self.detector)
+        at_once, most = self.settings.at_once, self.settings.max_bounces
+        for strip in strips:
+            for paths in self.scene.paths(self.incoming, self.i, strip.rays, rng, most, at_once):
+                out += self.sort(paths)
+        return out
 
     def more(self, rays: int, points: int) -> None:
         """Trace so many more."""
-        for group in _groups(rays, self.rng):
-            # in the order of the batches, so that the sums do not depend on the threads
-            for part in self.pool.map(lambda job: self._batch(*job), group):
-                self.total += part
+        # in the order of the jobs, so that the sums do not depend on the threads
+        for part in in_order(self.pool, self._batch, _jobs(rays, self.rng)):
+            self.total += part
         self.rays += rays
 
     def result(self) -> Tally:
@@ -112,7 +123,7 @@ class _Parallel(_Divergent):
         super().__init__(*arguments)
         self.beam = ParallelBeam(self.scene, self.incoming, self.i)
         self.counts = Counts(self.beam.facets, self.settings.rays)
-        self.beam.fate(np.zeros(1, np.int64))  # before the threads start
+        self.beam.prepare(self.pool)
         self.facets = self._facet_sampling()
         self.estimator = "binning" if self.facets is None else "facets"
 
@@ -129,9 +140,12 @@ class _Parallel(_Divergent):
     def points(self) -> int:  # type: ignore[override]
         return 0 if self.facets is None else self.facets.points
 
-    def _batch(self, strip: Strip, rng: np.random.Generator) -> Tally:
-        paths = count_batch(self.beam, self.counts, strip, rng, self.settings.max_bounces)
-        return self.settings.empty(self.detector) if paths is None else self.sort(paths)
+    def _batch(self, strips: list[Strip], rng: np.random.Generator) -> Tally:
+        out = self.settings.empty(self.detector)
+        at_once, most = self.settings.at_once, self.settings.max_bounces
+        for paths in count_batch(self.beam, self.counts, strips, rng, most, at_once):
+            out += self.sort(paths)
+        return out
 
     def more(self, rays: int, points: int) -> None:
         super().more(rays, 0)
@@ -139,7 +153,7 @@ class _Parallel(_Divergent):
             self.facets.sample(points, self.rng, self.pool)
 
     def result(self) -> Tally:
-        singles = sorted_counts(self.beam, self.counts, self.sort, self.settings.empty(self.detector))
+        singles = sorted_counts(self.beam, self.counts, self.sort, self.settings.empty(self.detector), self.pool)
         if self.facets is not None:
             better = self.facets.add_to(self.sort, self.settings.empty(self.detector), self.rays)
             for name in ("caught", "caught_variance", "mueller", "mueller_variance"):
@@ -181,10 +195,14 @@ def relative_error(t: Tally) -> float:
     return float(np.max(np.sqrt(variance[counts]) / power[counts])) if counts.any() else float("inf")
 
 
-def _groups(rays: int, rng: np.random.Generator) -> Iterator[list[tuple[Strip, np.random.Generator]]]:
-    """Batches of rays, each with its own generator, in groups that bound the results waiting to be added up."""
+def _jobs(rays: int, rng: np.random.Generator) -> Iterator[tuple[list[Strip], np.random.Generator]]:
+    """Rays in strips of one batch each, some strips to a job, each job with its own generator."""
     batches = max(1, round(rays / BATCH)) if rays else 0
-    for start in range(0, batches, 16):
-        ends = [k * rays // batches for k in range(start, min(start + 16, batches) + 1)]
-        strips = [Strip(b - a, a, rays) for a, b in zip(ends, ends[1:])]
-        yield list(zip(strips, rng.spawn(len(strips))))
+    # what few rays go through (further reflections, sorting) is done once for a job; jobs get smaller towards the end,
+    # so that all threads finish together (guided self-scheduling, Polychronopoulos and Kuck 1987)
+    start = 0
+    while start < batches:
+        end = start + int(np.clip((batches - start) // 12, 1, 4))
+        ends = [k * rays // batches for k in range(start, end + 1)]
+        yield [Strip(b - a, a, rays) for a, b in zip(ends, ends[1:])], rng.spawn(1)[0]
+        start = end

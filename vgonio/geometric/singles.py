@@ -7,7 +7,8 @@ the pairs (Cochran 1977, section 5A.12, two units per stratum), without the mixe
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
 from threading import Lock
 
 import numpy as np
@@ -15,9 +16,11 @@ from numpy.typing import NDArray
 
 from .beam import CHUNK, FREE, OPEN, ParallelBeam, Strip
 from .tally import Tally
-from .trace import Paths, Step, next_facet, trace
+from .threads import in_order
+from .trace import Paths, Step, ahead, dot, next_facet, trace
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 Sort = Callable[[Paths], Tally]
 
 
@@ -45,9 +48,32 @@ class Counts:
 
 
 def count_batch(
+    beam: ParallelBeam,
+    counts: Counts,
+    strips: Sequence[Strip],
+    rng: np.random.Generator,
+    max_bounces: int,
+    at_once: int = 1 << 16,
+) -> Iterator[Paths]:
+    """Cast the rays of some strips, one after the other, and count the single reflections.
+
+    What comes are the paths of two and more reflections, those of all strips together, `at_once` at a time.
+    """
+    found = [_count_strip(beam, counts, strip, rng, max_bounces) for strip in strips]
+    first, point, second, beyond = (np.concatenate(part) for part in zip(*found))
+    for a in range(0, len(first), at_once):
+        part = slice(a, a + at_once)
+        still = np.zeros(len(first[part]), bool)
+        known: list[Step] = [(first[part], point[part], still), (second[part], beyond[part], still)]
+        paths = _trace(beam, point[part], known, max_bounces)
+        paths.of_rays = sum(strip.rays for strip in strips)
+        yield paths
+
+
+def _count_strip(
     beam: ParallelBeam, counts: Counts, strip: Strip, rng: np.random.Generator, max_bounces: int
-) -> Paths | None:
-    """Cast the rays of a strip, count the single reflections; the paths of two and more, None where there are none."""
+) -> tuple[Ints, Floats, Ints, Floats]:
+    """Count what a strip's rays do; first facets and points on them, second facets and points, of those that go on."""
     mesh, tracer = beam.scene.mesh, beam.scene.tracer
     n, position = strip.rays, beam.starts(strip, rng)
     direction = np.broadcast_to(beam.direction, position.shape)
@@ -59,25 +85,17 @@ def count_batch(
     fate[first < 0] = 0
     single = fate == FREE
     check = np.flatnonzero(fate == OPEN)
-    lost, paths = np.zeros(0, np.int64), None
-    if len(check):
-        facet = first[check].astype(np.int64)
-        normal, offset = mesh.planes(facet)
-        cos_i = -(normal @ beam.direction)
-        start = position[check]
-        point = start + ((np.einsum("ij,ij->i", start, normal) - offset) / cos_i)[:, None] * beam.direction
-        away = beam.direction + (2 * cos_i)[:, None] * normal
-        second, beyond, escaped = next_facet(mesh, tracer, point + mesh.lift * normal, away, may_be_free=False)
-        single[check[escaped]] = True
-        go = (second >= 0) & (max_bounces > 1)
-        lost = facet[~escaped & ~go]
-        if go.any():
-            still = np.zeros(int(go.sum()), bool)
-            known: list[Step] = [(facet[go], point[go], still), (second[go], beyond[go], still)]
-            paths = _trace(beam, point[go], known, max_bounces)
-            paths.of_rays = n
-    counts.add(first, single, lost, int(n - single.sum() - len(lost) - (0 if paths is None else len(paths.bounces))))
-    return paths
+    facet, start = first[check].astype(np.int64), np.take(position, check, axis=0)
+    normal, offset = mesh.planes(facet)
+    cos_i = -dot(normal, beam.direction)
+    point = ahead(start, (dot(start, normal) - offset) / cos_i, beam.direction)
+    away = ahead(beam.direction, 2 * cos_i, normal)
+    second, beyond, escaped = next_facet(mesh, tracer, ahead(point, mesh.lift, normal), away, may_be_free=False)
+    single[check[escaped]] = True
+    go = np.flatnonzero((second >= 0) & (max_bounces > 1))
+    lost = np.delete(facet, np.concatenate([go, np.flatnonzero(escaped)]))
+    counts.add(first, single, lost, int(n - single.sum() - len(lost) - len(go)))
+    return facet[go], point[go], second[go], beyond[go]
 
 
 def _trace(beam: ParallelBeam, start: Floats, known: list[Step], max_bounces: int) -> Paths:
@@ -98,13 +116,18 @@ def single_paths(beam: ParallelBeam, facet: NDArray, weight: NDArray, variance: 
     return paths
 
 
-def sorted_counts(beam: ParallelBeam, counts: Counts, sort: Sort, into: Tally) -> Tally:
+def sorted_counts(beam: ParallelBeam, counts: Counts, sort: Sort, into: Tally, pool: Executor) -> Tally:
     """Add the power of all counted rays to the tally `into`, facet by facet."""
-    for number, variance, escaped in ((counts.escaped, counts.alone, True), (counts.lost, counts.lost, False)):
-        facets = np.flatnonzero(number)
-        for a in range(0, len(facets), CHUNK):
-            f = facets[a : a + CHUNK]
-            into += sort(single_paths(beam, f, number[f], variance[f], escaped))
+
+    def chunks() -> Iterator[tuple]:
+        for number, variance, escaped in ((counts.escaped, counts.alone, True), (counts.lost, counts.lost, False)):
+            facets = np.flatnonzero(number)
+            for a in range(0, len(facets), CHUNK):
+                f = facets[a : a + CHUNK]
+                yield f, number[f], variance[f], escaped
+
+    for part in in_order(pool, lambda *chunk: sort(single_paths(beam, *chunk)), chunks()):
+        into += part
     into.lost += counts.stray
     into.rays += counts.stray
     return into

@@ -95,9 +95,12 @@ def tally(
     place[first.ray] = np.arange(len(first.ray))
     once = paths.bounces[ray] == 1
     at = place[ray[once]]
-    m = table.elements(first.cos_i[at], 2)
     variance = weight if paths.variance is None else paths.variance
-    _catch(out, 0, element[once], m[:, 0] + q[at, None] * m[:, 1], weight[ray[once]], variance[ray[once]])
+    # power a + qb and its square, summed over the rays of each element
+    for into, of_ray, columns in ((out.caught, weight, table.powers), (out.caught_variance, variance, table.squares)):
+        for power, column in enumerate(columns if source_is_polarised else columns[:1]):
+            share = of_ray[ray[once]] * q[at] ** power
+            into[0] += table.histogram(first.cos_i[at], share, element[once], len(detector)) @ column
 
     if len(paths.hits) > 1:
         _tally_multiple(out, paths, table, polarisation, kept, ray[~once], element[~once])

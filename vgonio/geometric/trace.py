@@ -78,18 +78,17 @@ def trace(
     for k in range(max_bounces + 1):
         facet, position, escaped = known[k] if k < len(known) else next_facet(mesh, tracer, position, direction)
         paths.escaped[ray[escaped]] = True
-        go = facet >= 0
-        if k == max_bounces:
+        go = np.flatnonzero(facet >= 0)
+        if k == max_bounces or len(go) == 0:
             break  # what would be reflected once more stays unescaped: lost
-        ray, position, direction, s, facet = ray[go], position[go], direction[go], s[go], facet[go]
-        if len(ray) == 0:
-            break
+        ray, facet = ray[go], facet[go]
+        position, direction, s = (np.take(a, go, axis=0) for a in (position, direction, s))
         normal = mesh.planes(facet)[0]
-        cos_i = -np.einsum("ij,ij->i", direction, normal)
+        cos_i = -dot(direction, normal)
         s, c2, s2 = _next_frame(direction, normal, s)
-        direction = direction + (2 * cos_i)[:, None] * normal
-        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        position = position + mesh.lift * normal
+        direction = ahead(direction, 2 * cos_i, normal)
+        direction /= np.sqrt(dot(direction, direction))[:, None]
+        position = ahead(position, mesh.lift, normal)
         paths.hits.append(Hits(ray, np.clip(cos_i, 0.0, 1.0), c2, s2))
         paths.bounces[ray] += 1
         paths.direction[ray] = direction
@@ -97,14 +96,28 @@ def trace(
     return paths
 
 
+def dot(a: Floats, b: Floats) -> Floats:
+    """(n,) scalar products of (n, 3) and (n, 3) or (3,) vectors; by columns, as rows of three numbers are slow."""
+    return a[:, 0] * b[..., 0] + a[:, 1] * b[..., 1] + a[:, 2] * b[..., 2]
+
+
+def ahead(start: Floats, t: Floats | float, along: Floats) -> Floats:
+    """(n, 3) start + t · along, of (n, 3) or (3,) vectors; by columns, as in `dot`."""
+    out = np.empty(np.broadcast_shapes(start.shape, along.shape))
+    for axis in range(3):
+        np.multiply(along[..., axis], t, out=out[:, axis])
+        out[:, axis] += start[..., axis]
+    return out
+
+
 def _next_frame(direction: Floats, normal: Floats, s: Floats) -> tuple[Floats, Floats, Floats]:
     """The s axis of a facet, d × n / |d × n|, and cos 2ψ, sin 2ψ of the turn from the old s axis to it (p = d × s)."""
     new = np.cross(direction, normal)
-    length = np.linalg.norm(new, axis=1)
+    length = np.sqrt(dot(new, new))
     head_on = length < 1e-9  # no plane of incidence: keep the frame
     new = np.where(head_on[:, None], s, new / np.where(head_on, 1.0, length)[:, None])
-    cos = np.einsum("ij,ij->i", s, new)
-    sin = np.einsum("ij,ij->i", np.cross(direction, s), new)
+    cos = dot(s, new)
+    sin = dot(np.cross(direction, s), new)
     return new, cos * cos - sin * sin, 2 * sin * cos
 
 
@@ -124,16 +137,15 @@ def next_facet(mesh: Mesh, tracer: Tracer, position: Floats, direction: Floats, 
     for _ in range(MAX_WRAPS):
         if len(todo) == 0:
             break
-        p, d = (point, direction) if len(todo) == n else (point[todo], direction[todo])
+        p, d = (point, direction) if len(todo) == n else (np.take(a, todo, axis=0) for a in (point, direction))
         found = tracer.facet(p, d)
         hit = np.flatnonzero(found >= 0)
-        ok, where = meet(mesh, found[hit].astype(np.int64), p[hit], d[hit])
+        out = (found < 0) & _leaves_through_the_top(mesh, p, d)
+        escaped[todo[out]] = True
+        ok, where = meet(mesh, found[hit].astype(np.int64), np.take(p, hit, axis=0), np.take(d, hit, axis=0))
         point[todo[hit[ok]]] = where[ok]
         facet[todo[hit[ok]]] = found[hit[ok]]
-        miss = np.flatnonzero(found < 0)
-        out = _leaves_through_the_top(mesh, p[miss], d[miss])
-        escaped[todo[miss[out]]] = True
-        todo = todo[miss[~out]]
+        todo = todo[(found < 0) & ~out]
         if mesh.period is None:
             break  # lost through the sides
         stay, back = _beyond_the_border(mesh, point[todo], direction[todo])
@@ -184,7 +196,7 @@ def meet(mesh: Mesh, facet: Ints, position: Floats, direction: Floats) -> tuple[
     A facet seen from below is a ray that slipped through an edge: it is neither hit nor escaped, so it is lost.
     """
     normal, offset = mesh.planes(facet)
-    against = np.einsum("ij,ij->i", direction, normal)
+    against = dot(direction, normal)
     front = against < 0
-    t = (offset - np.einsum("ij,ij->i", position, normal)) / np.where(front, against, -1.0)
-    return front, position + t[:, None] * direction
+    t = (offset - dot(position, normal)) / np.where(front, against, -1.0)
+    return front, ahead(position, t, direction)
