@@ -164,6 +164,8 @@ def test_missing_foreign_and_unknown_files(tmp_path):
     with pytest.raises(FileFormatError, match="no text file"):
         readers.read(tmp_path / "binary.json")
     with pytest.raises(FileFormatError, match="NIST"):
+        readers.read(written(tmp_path, "a,b,c\n1,2,3\n", "a.csv"), format="nist-csv")
+    with pytest.raises(FileFormatError, match="no column theta_i"):
         readers.read(written(tmp_path, "a,b,c\n1,2,3\n", "a.csv"))
     with pytest.raises(FileFormatError, match="truncated"):
         readers.read(written(tmp_path, "lambda,thetai,phi,thetar,phir,f_r11\n0.5,0\n", "b.csv"))
@@ -184,7 +186,7 @@ def test_what_cannot_be_written(tmp_path, dataset):
     with pytest.raises(InputError, match="phi_i"):
         readers.write(dataset.assign_coords(phi_i=45.0), path)
     with pytest.raises(InputError, match="suffix"):
-        readers.write(dataset, tmp_path / "a.csv")
+        readers.write(dataset, tmp_path / "a.xyz")
     with pytest.raises(InputError, match="nist-csv"):
         readers.write(dataset, path, format="nist-csv")
     with pytest.raises(InputError, match="in-plane"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import xarray as xr
@@ -10,13 +9,14 @@ import xarray as xr
 from ...dataset import check
 from ...errors import FileFormatError
 from .. import storage
+from .checks import Repairs
 
 
 def sniff(head: bytes) -> bool:
     return head.startswith(b"\x89HDF\r\n\x1a\n")
 
 
-def read(path: str | os.PathLike[str]) -> xr.Dataset:
+def read(path: Path, repairs: Repairs) -> xr.Dataset:
     """The dataset of the root, of the group `measured`, or of the only group with a BRDF."""
     tree = storage.open(path)
     if "brdf" in tree.to_dataset():
@@ -26,7 +26,3 @@ def read(path: str | os.PathLike[str]) -> xr.Dataset:
         return check(tree["measured" if "measured" in groups else groups[0]].to_dataset(), str(path))
     found = f"several BRDFs ({', '.join(groups)}): open it with vgonio.open and choose one" if groups else "no BRDF"
     raise FileFormatError(f"{path} holds {found}")
-
-
-def write(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
-    return storage.save(check(dataset), path)

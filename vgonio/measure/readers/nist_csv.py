@@ -7,14 +7,14 @@ and the mirror side negative θ_o. ±0.001° stands for 0.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from ...errors import FileFormatError
-from .in_plane import check_values, dense_dataset
+from .checks import Repairs, check_size, check_values, once
+from .in_plane import dense_dataset
 
 # reflected directions within this of φ_r = 0 or 180° count as in plane; the tables list these exactly
 IN_PLANE_DEG = 0.01
@@ -24,9 +24,8 @@ def sniff(head: bytes) -> bool:
     return head.lstrip(b"\xef\xbb\xbf").lower().startswith(b"lambda,thetai,phi")
 
 
-def read(path: str | os.PathLike[str]) -> xr.Dataset:
+def read(path: Path, repairs: Repairs) -> xr.Dataset:
     """The in-plane f_r11 of a NIST table; see `measure.readers.read`. Angle pairs that were not measured are NaN."""
-    path = Path(path)
     try:
         with path.open("rb") as file:
             if not sniff(file.read(64)):
@@ -45,20 +44,32 @@ def read(path: str | os.PathLike[str]) -> xr.Dataset:
         raise FileFormatError(f"{path} holds no in-plane geometry (φ_r = 0 or 180°)")
     theta_i, theta_o = np.where(np.abs(plane[:, [1, 3]]) <= 0.001, 0.0, plane[:, [1, 3]]).T
     theta_o = np.where(np.abs(plane[:, 4]) < 90, -theta_o, theta_o) + 0.0
-    return _assemble(path, np.abs(theta_i), theta_o, plane, len(rows))
+    return _assemble(path, np.abs(theta_i), theta_o, plane, len(rows), repairs.duplicates)
 
 
-def _assemble(path: Path, theta_i: np.ndarray, theta_o: np.ndarray, rows: np.ndarray, total: int) -> xr.Dataset:
+def _assemble(
+    path: Path, theta_i: np.ndarray, theta_o: np.ndarray, rows: np.ndarray, total: int, duplicates: str
+) -> xr.Dataset:
     wavelength = np.unique(np.round(rows[:, 0] * 1e3, 6))
     check_values(np.abs(np.concatenate([theta_i, theta_o])), wavelength, str(path))
     pairs, place = np.unique(np.stack([theta_i, theta_o], axis=1), axis=0, return_inverse=True)
-    spectra = np.full((len(pairs), wavelength.size), np.nan)
-    spectra[place.ravel(), np.searchsorted(wavelength, np.round(rows[:, 0] * 1e3, 6))] = rows[:, 5]
+    check_size(len(pairs) * wavelength.size, str(path))
+    index = place.ravel() * wavelength.size + np.searchsorted(wavelength, np.round(rows[:, 0] * 1e3, 6))
+    if duplicates == "error" and np.unique(index).size < index.size:
+        k = int(np.flatnonzero(np.bincount(index) > 1)[0])
+        i, o = pairs[k // wavelength.size]
+        raise FileFormatError(
+            f"{path}: the pair θ_i = {i:g}°, θ_o = {o:g}° appears twice at {wavelength[k % wavelength.size]:g} nm; "
+            "duplicates='mean' or 'first' merges"
+        )
+    kept, values, _ = once(index, rows[:, 5:6], None, duplicates)
+    spectra = np.full(len(pairs) * wavelength.size, np.nan)
+    spectra[kept] = values[:, 0]
     return dense_dataset(
         pairs[:, 0],
         pairs[:, 1],
         wavelength,
-        spectra,
+        spectra.reshape(len(pairs), wavelength.size),
         None,
         plane=180.0,
         where=str(path),
