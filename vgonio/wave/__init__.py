@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from .fourier import surface_fourier
+from .iterated import IteratedKirchhoff
 from .kirchhoff import Kirchhoff
 
 
@@ -22,4 +23,4 @@ class HarveyShack(Kirchhoff):
     theory: str = "harvey-shack"
 
 
-__all__ = ["GeneralizedHarveyShack", "HarveyShack", "Kirchhoff", "surface_fourier"]
+__all__ = ["GeneralizedHarveyShack", "HarveyShack", "IteratedKirchhoff", "Kirchhoff", "surface_fourier"]

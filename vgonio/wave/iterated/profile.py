@@ -1,0 +1,138 @@
+"""Reflections of one window on a profile: the curve and what it sees, fields of every order, powers and energies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...materials import Material
+from ...surface.heightfield import Heightfield
+from ..quadrature import Complex, Floats
+from .beam import Beam
+from .curve import Curve, joined, sample_curve
+from .far_field import Directions, far_amplitudes
+from .propagate import POLARISATIONS, Pairs, pair_operators
+from .sight import Sight, look
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """The lit part of a profile: its points, what they see, and the light on them.
+
+    Neighbouring parts of a larger profile cast shadows on it, but send no light to it.
+    """
+
+    curve: Curve
+    sight: Sight
+    beam: Beam
+
+    @staticmethod
+    def of(surface: Heightfield, beam: Beam, spacing: float) -> Stretch:
+        """Points no more than `spacing` µm apart over ± beam.half, shadows from as much again on either side."""
+        lo, hi = beam.centre - beam.half, beam.centre + beam.half
+        curve = sample_curve(surface, lo, hi, spacing)
+        side = surface.size_um[1]
+        reach = beam.half if np.ptp(surface.z) > 0 else 0.0
+        left = lo - reach if surface.periodic else max(0.0, lo - reach)
+        right = hi + reach if surface.periodic else min(side, hi + reach)
+        parts = [(left, lo), (lo, hi), (hi, right)]
+        found = [
+            curve if part == (lo, hi) else sample_curve(surface, *part, 2 * spacing) if part[1] - part[0] > spacing
+            else curve.cut(slice(0, 0))
+            for part in parts
+        ]  # fmt: skip
+        first = len(found[0])
+        sight = look(joined(found), first, first + len(curve))
+        inside = (sight.source >= first) & (sight.source < first + len(curve))
+        return Stretch(curve, Sight(sight.row[inside], sight.source[inside] - first, sight.right, sight.left), beam)
+
+    @property
+    def steepest(self) -> float:
+        """Angle of the steepest piece against the horizontal, radians."""
+        return float(np.arccos(np.clip(self.curve.nz.min(), 0, 1)))
+
+    def again(self, theta: Floats) -> Floats:
+        """(len(theta),) bool: where light can meet the profile a second time, |θ| + 3 × the steepest slope ≥ 90°."""
+        return np.abs(theta) + 3 * self.steepest >= np.pi / 2
+
+
+@dataclass(frozen=True)
+class Light:
+    """One wavelength and polarisation: k in rad/µm, angles of incidence (t,) in radians, "TE" or "TM", the material."""
+
+    k: float
+    theta: Floats
+    polarisation: str
+    material: Material
+    wavelength_nm: float
+
+    def first(self, stretch: Stretch, shadowing: bool) -> tuple[Complex, Complex]:
+        """u = (1 + r) u_inc and ∂u/∂n = (1 − r) ∂u_inc/∂n where the source is seen, (n, t) each."""
+        curve = stretch.curve
+        u, v = stretch.beam.field(curve, self.k, self.theta)
+        cosine = np.sin(self.theta) * curve.nx[:, None] + np.cos(self.theta) * curve.nz[:, None]
+        r = self.material.amplitudes(np.clip(cosine, 0, 1), self.wavelength_nm)[POLARISATIONS[self.polarisation]]
+        lit = stretch.sight.seen(curve, self.theta).T if shadowing else np.ones(cosine.shape, bool)
+        return np.where(lit, (1 + r) * u, 0), np.where(lit, (1 - r) * v, 0)
+
+    def pairs(self, stretch: Stretch) -> Pairs:
+        return pair_operators(
+            stretch.curve, stretch.curve, stretch.sight, self.k, self.material, self.wavelength_nm, self.polarisation
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Orders:
+    """What one window sends out, relative to its incident power: BRDF and energy, of single orders and of their sum.
+
+    brdf : (bounces + 1, t, elements), the last the coherent sum;  energy : (bounces + 1, t);  used : bounces done
+    """
+
+    brdf: Floats
+    energy: Floats
+    used: int
+
+
+def fields(stretch: Stretch, light: Light, bounces: int, tol: float, shadowing: bool) -> tuple[Complex, Complex]:
+    """Fields u, v (n, t, orders) of all reflections, up to `bounces` or until the mean square of the next on the
+    surface is no more than `tol` of the first."""
+    u, v = light.first(stretch, shadowing)
+    found = [(u, v)]
+    on = np.flatnonzero(stretch.again(light.theta)) if stretch.sight.row.size else np.zeros(0, int)
+    pairs = light.pairs(stretch) if bounces > 1 and on.size else None
+    u, v = u[:, on], v[:, on]
+    first = _strength(stretch, light, u, v)
+    while pairs is not None and len(found) < bounces:
+        u, v = pairs.next(u, v)
+        if np.all(_strength(stretch, light, u, v) <= tol * first):
+            break
+        wide = [np.zeros_like(found[0][0]) for _ in range(2)]
+        wide[0][:, on], wide[1][:, on] = u, v
+        found.append((wide[0], wide[1]))
+    return np.stack([f[0] for f in found], axis=-1), np.stack([f[1] for f in found], axis=-1)
+
+
+def _strength(stretch: Stretch, light: Light, u: Complex, v: Complex) -> Floats:
+    return stretch.curve.ds @ (np.abs(u) ** 2 + np.abs(v / light.k) ** 2)
+
+
+def reflect(
+    stretch: Stretch, lights: list[Light], to: Directions, bounces: int, tol: float, shadowing: bool = True
+) -> Orders:
+    """All orders of reflection, the mean over `lights` (polarisations of one wavelength)."""
+    k, theta = lights[0].k, lights[0].theta
+    seen = stretch.sight.seen(stretch.curve, to.theta) if shadowing else None
+    incident = stretch.beam.power(k, theta)[:, None]
+    series = [fields(stretch, light, bounces, tol, shadowing) for light in lights]
+    most = max(u.shape[-1] for u, _ in series)
+    u, v = (np.stack([_padded(s[i], most) for s in series], axis=1) for i in (0, 1))
+    far = far_amplitudes(stretch.curve, u, v, k, to.theta, seen)  # (m, lights, t, orders)
+    power = np.zeros((bounces + 1, len(theta), len(to.theta)))
+    power[:most] = np.moveaxis(np.mean(np.abs(far) ** 2, axis=1), (2, 1, 0), (0, 1, 2)) / incident
+    power[-1] = np.mean(np.abs(far.sum(axis=-1)) ** 2, axis=1).T / incident
+    return Orders(to.means(power), to.total(power), most)
+
+
+def _padded(a: Complex, orders: int) -> Complex:
+    return np.concatenate([a, np.zeros((*a.shape[:-1], orders - a.shape[-1]), a.dtype)], axis=-1)

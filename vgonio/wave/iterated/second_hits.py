@@ -1,0 +1,88 @@
+"""Where mirrored rays meet the surface again: inside the patch that is computed, outside it, or nowhere."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from ...surface.heightfield import Heightfield
+from ..quadrature import Floats
+
+RAYS = 4000  # of one angle of incidence
+STEPS = 4000  # of one ray, at most
+
+
+def second_hits(
+    surface: Heightfield, centre: tuple[float, float], half: tuple[float, float], length: float, wi: Floats, seed: int
+) -> tuple[float, float]:
+    """(share of the light on the patch that meets the surface again, share of that which does so outside the patch).
+
+    centre, half : (y, x) of the patch in µm;  length : ℓ of its Gaussian window;  wi : (3,) towards the source
+    Rays start where a Gaussian beam of that window falls, march to the surface, are mirrored and march on, in steps of
+    half a pitch on the bilinear surface. What leaves a finite sample sideways, still among its heights, counts as
+    outside.
+    """
+    rng = np.random.default_rng(seed)
+    top = float(surface.z.max()) + 1e-6
+    start = np.empty((RAYS, 3))
+    spread = length / np.sqrt(2)  # of the intensity
+    for axis, (c, r) in enumerate(zip(centre[::-1], half[::-1])):
+        start[:, axis] = c + np.clip(rng.normal(0, spread, RAYS), -r, r)
+    start[:, 2] = 0.0
+    start += wi * ((top - start[:, 2]) / wi[2])[:, None]
+    place, hit = _march(surface, start, np.broadcast_to(-wi, start.shape))
+    place = place[hit]
+    normal = _normals(surface, place)
+    d = -wi - 2 * (normal @ -wi)[:, None] * normal
+    again, met = _march(surface, place + 1e-3 * min(surface.pitch_um) * normal, d)
+    low = (again[:, 2] < top) & ~met  # left sideways
+    outside = np.zeros(len(place), bool)
+    for axis, (c, r) in enumerate(zip(centre[::-1], half[::-1])):
+        if axis == 0 or not surface.is_profile:
+            outside |= np.abs(again[:, axis] - c) > r
+    second = met | low
+    share = float(second.mean()) if len(second) else 0.0
+    return share, float((outside & second).sum() / second.sum()) if second.any() else 0.0
+
+
+def _heights(surface: Heightfield, p: Floats) -> Floats:
+    at = [p[:, 1] / surface.dy - 0.5, p[:, 0] / surface.dx - 0.5]
+    if surface.is_profile:
+        at[0] = np.zeros(len(p))
+    mode = "grid-wrap" if surface.periodic else "nearest"
+    order = 0 if surface.interpolation == "nearest" else 1
+    return map_coordinates(surface.z, at, order=order, mode=mode)
+
+
+def _normals(surface: Heightfield, p: Floats) -> Floats:
+    n = np.zeros(p.shape)
+    n[:, 2] = 1.0
+    for axis in (0, 1):
+        if axis == 1 and surface.is_profile:
+            continue
+        e = np.zeros(3)
+        e[axis] = surface.pitch_um[1 - axis] / 2
+        n[:, axis] = -(_heights(surface, p + e) - _heights(surface, p - e)) / (2 * e[axis])
+    return n / np.linalg.norm(n, axis=1, keepdims=True)
+
+
+def _march(surface: Heightfield, start: Floats, d: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Last places of rays, and whether they met the surface there."""
+    p, hit = start.copy(), np.zeros(len(start), bool)
+    top, size = float(surface.z.max()), np.array(surface.size_um[::-1])
+    step = 0.5 * (surface.dx if surface.is_profile else min(surface.pitch_um))
+    alive = np.arange(len(p))
+    for _ in range(STEPS):
+        if not alive.size:
+            break
+        p[alive] += step * d[alive]
+        q = p[alive]
+        below = q[:, 2] < _heights(surface, q)
+        hit[alive[below]] = True
+        gone = (q[:, 2] > top) & (d[alive, 2] >= 0)
+        if not surface.periodic:
+            axes = slice(0, 1) if surface.is_profile else slice(0, 2)
+            gone |= np.any((q[:, axes] < 0) | (q[:, axes] > size[axes]), axis=1)
+        alive = alive[~below & ~gone]
+    return p, hit
