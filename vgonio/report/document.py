@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
     from ..surface import Heightfield
+    from .section import Section
+    from .verdict import Verdict
 
 FOLDER = Path(__file__).parent
 
@@ -37,14 +40,30 @@ def page(
 
 def render(tree: xr.DataTree, surface: Heightfield | xr.Dataset | None = None, plan: Any = None) -> str:
     """The page as a string; see `page`."""
-    import jinja2
-    import markupsafe
-
-    from .. import __version__
     from .content import Content
     from .sections import compose
 
     content = Content.of(tree, surface, plan)
+    verdict, sections = compose(content)
+    date = str(content.provenance.get("date", ""))[:10]
+    return filled(content.title, content.facts(), verdict, sections, simulated=date)
+
+
+def filled(
+    title: str,
+    facts: Sequence[str],
+    verdict: Verdict,
+    sections: Sequence[Section],
+    simulated: str = "",
+    kicker: str = "virtual gonioreflectometer",
+    numbers: str = "the NetCDF file beside it",
+) -> str:
+    """The template of all pages, filled: a verdict and sections under a title, and a line on where the numbers are."""
+    import jinja2
+    import markupsafe
+
+    from .. import __version__
+
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(FOLDER),
         autoescape=True,
@@ -53,15 +72,16 @@ def render(tree: xr.DataTree, surface: Heightfield | xr.Dataset | None = None, p
         lstrip_blocks=True,
     )
     environment.filters["rich"] = rich
-    verdict, sections = compose(content)
     return environment.get_template("page.html").render(
-        title=content.title,
-        facts=content.facts(),
+        title=title,
+        facts=facts,
         verdict=verdict,
         sections=sections,
         css=markupsafe.Markup((FOLDER / "page.css").read_text(encoding="utf-8")),
         version=__version__,
-        date=str(content.provenance.get("date", ""))[:10],
+        date=simulated,
+        kicker=kicker,
+        numbers=numbers,
     )
 
 
