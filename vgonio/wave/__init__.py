@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from .fourier import surface_fourier
+from .full_wave import FullWave
 from .iterated import IteratedKirchhoff
 from .kirchhoff import Kirchhoff
 
@@ -23,4 +24,4 @@ class HarveyShack(Kirchhoff):
     theory: str = "harvey-shack"
 
 
-__all__ = ["GeneralizedHarveyShack", "HarveyShack", "IteratedKirchhoff", "Kirchhoff", "surface_fourier"]
+__all__ = ["FullWave", "GeneralizedHarveyShack", "HarveyShack", "IteratedKirchhoff", "Kirchhoff", "surface_fourier"]

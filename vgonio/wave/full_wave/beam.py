@@ -18,7 +18,7 @@ REACH = 6.0  # standard deviations of the spectrum that are kept: its amplitude 
 
 @dataclass(frozen=True, eq=False)
 class Beam:
-    """Plane waves sin θ (j,) with complex amplitudes (j,): ψ_i = Σ a exp(ik (−x sin θ − z cos θ)), θ towards the source.
+    """Plane waves from θ (j,), radians, with amplitudes a (j,): ψ_i = Σ a exp(−ik (x sin θ + z cos θ)).
 
     power : ∫ of the incident flux through z = 0 over k, |ψ|² µm
     left_out : share of the power in waves that would not propagate

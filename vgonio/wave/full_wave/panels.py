@@ -23,8 +23,9 @@ Curve = Callable[[Floats], tuple[Floats, Floats, Floats, Floats]]  # t -> x, z, 
 @lru_cache(maxsize=32)
 def legendre(p: int) -> tuple[Floats, Floats, Floats]:
     """Gauss–Legendre nodes and weights (p,) on [−1, 1] and the matrix (p, p) from values to Legendre coefficients."""
-    s, w = np.polynomial.legendre.leggauss(p)
-    return s, w, np.linalg.inv(np.polynomial.legendre.legvander(s, p - 1))
+    s, w = (np.asarray(a, np.float64) for a in np.polynomial.legendre.leggauss(p))
+    inverse: Floats = np.asarray(np.linalg.inv(np.polynomial.legendre.legvander(s, p - 1)))
+    return s, w, inverse
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ perfect, TE:  (½ + D' − ikS) φ = ∂ψ_i/∂n − ik ψ_i  (combined field: 
 perfect, TM:  (½ − D) ψ = ψ_i
 material:     (½ − D₁) ψ + S₁ φ = ψ_i,  (½ + D₂) ψ − β S₂ φ = 0,  β = 1 (TE), n² (TM)
 
-(Maystre 1978; Colton and Kress 1983.) Rows and columns carry the square roots of the quadrature weights, so that the
-condition number is that of the operator and not of the mesh (Bremer 2012).
+(Maystre 1978; Colton and Kress 1983.) Rows and columns carry the square roots of the quadrature weights (Bremer
+2012), φ on panels shorter than 1/k their length: so the condition number is that of the operator, not of the mesh.
 """
 
 from __future__ import annotations
@@ -39,10 +39,14 @@ def contrast(index: complex | None, polarisation: str) -> complex:
 
 @dataclass(frozen=True, eq=False)
 class Factored:
-    """A factorised system. condition : estimate of the 1-norm condition number;  rows : some rows kept for residuals"""
+    """A factorised system.
+
+    scale : factors of rows and columns;  condition : estimate of the condition number in the 1-norm
+    rows : of the matrix, those `kept` for residuals
+    """
 
     lu: tuple[Complex, np.ndarray]
-    scale: Floats
+    scale: tuple[Floats, Floats]
     condition: float
     kept: np.ndarray
     rows: Complex
@@ -53,7 +57,7 @@ class Factored:
 
     @property
     def unknowns(self) -> int:
-        return len(self.scale)
+        return len(self.scale[0])
 
     def solve(self, field: Complex, slope: Complex) -> tuple[Complex, Complex, Floats]:
         """ψ, φ (N, r) on the surface for incident ψ_i, ∂ψ_i/∂n (N, r), and relative residuals (r,)."""
@@ -64,11 +68,11 @@ class Factored:
             right = slope - 1j * self.k * field
         else:
             right = field
-        scaled = right * self.scale[:, None]
+        scaled = right * self.scale[0][:, None]
         u = scipy.linalg.lu_solve(self.lu, scaled, check_finite=False)
         residual = np.linalg.norm(self.rows @ u - scaled[self.kept], axis=0)
         size = np.linalg.norm(scaled, axis=0) * np.sqrt(len(self.kept) / len(scaled))
-        u /= self.scale[:, None]
+        u /= self.scale[1][:, None]
         zero = np.zeros_like(field)
         if not self.perfect:
             return u[:n], u[n:] * self.k, residual / size
@@ -92,12 +96,17 @@ def factored(
         a[:n, :n], a[:n, n:] = -air["double"], k * air["single"]
         a[n:, :n], a[n:, n:] = inside["double"], -contrast(index, polarisation) * k * inside["single"]
         a[np.arange(2 * n), np.tile(half, 2)] += 0.5
-    scale = np.sqrt(np.tile(panels.weight, len(a) // n))
-    a *= scale[:, None] / scale
-    return _factorise(a, scale, panels, k, index is None, polarisation)
+    root = np.sqrt(np.tile(panels.weight, len(a) // n))
+    columns = root.copy()
+    columns[n:] *= np.minimum(1.0, k * np.repeat(panels.length, panels.order))[: len(a) - n]
+    a *= root[:, None]
+    a /= columns
+    return _factorise(a, (root, columns), panels, k, index is None, polarisation)
 
 
-def _factorise(a: Complex, scale: Floats, panels: Panels, k: float, perfect: bool, polarisation: str) -> Factored:
+def _factorise(
+    a: Complex, scale: tuple[Floats, Floats], panels: Panels, k: float, perfect: bool, polarisation: str
+) -> Factored:
     kept = np.unique(np.linspace(0, len(a) - 1, RESIDUAL_ROWS).astype(int))
     rows, norm = a[kept].copy(), float(np.abs(a).sum(axis=0).max())
     lu = scipy.linalg.lu_factor(a, overwrite_a=True, check_finite=False)

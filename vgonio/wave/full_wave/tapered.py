@@ -11,7 +11,6 @@ The profile is open: it ends where the beam is weak, and what little light reach
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,74 +20,84 @@ from .kernels import Complex
 from .panels import Floats, Panels
 
 ORDER = 10  # nodes of a panel
+BLOCK = 2_000_000  # exponentials at a time
 
 
 @dataclass(frozen=True, eq=False)
 class Fields:
     """Surface fields of several incidences: psi, phi (N, r), incident beams, and how well the system was solved."""
 
-    panels: Panels
+    curve: Panels
     k: float
     psi: Complex
     phi: Complex
     beams: list[beam.Beam]
     unknowns: int
     condition: float
-    residual: float
+    residual: Floats
 
     def amplitude(self, theta: Floats) -> Complex:
         """(r, m) N(θ) of the scattered far field ψ_s = (i/4) (2/πkr)^½ exp(i(kr − π/4)) N in directions θ (radians)."""
-        x, z = self.panels.point
-        nx, nz = self.panels.normal
+        x, z = self.curve.point
+        nx, nz = self.curve.normal
         out = np.empty((self.psi.shape[1], len(theta)), np.complex128)
-        for start in range(0, len(theta), 256):
-            t = theta[start : start + 256, None]
+        step = max(1, BLOCK // len(x))
+        for start in range(0, len(theta), step):
+            t = theta[start : start + step, None]
             s, c = np.sin(t), np.cos(t)
-            wave = np.exp(-1j * self.k * (x * s + z * c)) * self.panels.weight
+            wave = np.exp(-1j * self.k * (x * s + z * c)) * self.curve.weight
             slope = wave * (-1j * self.k) * (nx * s + nz * c)
-            out[:, start : start + 256] = (slope @ self.psi - wave @ self.phi).T
+            out[:, start : start + step] = (slope @ self.psi - wave @ self.phi).T
         return out
+
+    @property
+    def incident(self) -> Floats:
+        """(r,) incident power over k."""
+        return np.array([b.power for b in self.beams])
 
     def density(self, theta: Floats) -> Floats:
         """(r, m) scattered power per radian over incident power."""
-        power = np.array([b.power for b in self.beams])
-        return np.abs(self.amplitude(theta)) ** 2 / (8 * np.pi * self.k * power[:, None])
+        return np.asarray(np.abs(self.amplitude(theta)) ** 2 / (8 * np.pi * self.k * self.incident[:, None]))
 
     def reflected(self) -> Floats:
         """(r,) total power scattered upward over incident power."""
-        extent = float(np.ptp(self.panels.x)) + float(np.ptp(self.panels.z))
+        extent = float(np.ptp(self.curve.x)) + float(np.ptp(self.curve.z))
         t, w = np.polynomial.legendre.leggauss(64 + int(self.k * extent))
         return np.asarray(self.density(t * np.pi / 2) @ w * np.pi / 2)
 
     def absorbed(self) -> Floats:
         """(r,) power through the surface into the material over incident power."""
-        flux = -(self.panels.weight @ np.imag(np.conj(self.psi) * self.phi))
-        return np.asarray(flux / (self.k * np.array([b.power for b in self.beams])))
+        flux = -(self.curve.weight @ np.imag(np.conj(self.psi) * self.phi))
+        return np.asarray(flux / (self.k * self.incident))
 
 
-def solve(
-    curve: Panels,
-    wavelength: float,
-    theta_i: Floats,
-    polarisation: str,
-    index: complex | None,
-    taper: float,
-    centre: float,
-) -> Fields:
-    """Fields on an open curve (µm) for beams from θ_i (r,) radians; `index` n + ik, None for a perfect conductor."""
-    k = 2 * np.pi / wavelength
-    needed = system.operators_needed(index is None, polarisation)
-    air = operators.assemble(k, curve, curve, needed, True)
-    inside = None if index is None else operators.assemble(k * index, curve, curve, ("single", "double"), True)
-    factor = system.factored(curve, k, index, polarisation, air, inside)
-    del air, inside
-    x, z = curve.point
-    extent = float(np.abs(x - centre).max() + np.abs(z).max())
-    beams = [beam.gaussian(k, float(t), taper, centre, extent) for t in theta_i]
-    incident = [b.on(x, z, curve.normal) for b in beams]
-    field, slope = (np.stack([pair[i] for pair in incident], axis=1) for i in (0, 1))
-    psi, phi, residual = factor.solve(field, slope)
-    return Fields(curve, k, psi, phi, beams, factor.unknowns, factor.condition, float(residual.max()))
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """An open curve (µm) and the potentials on it, which both polarisations share. index : None for a perfect one"""
+
+    curve: Panels
+    k: float
+    index: complex | None
+    air: system.Operators
+    inside: system.Operators | None
+
+    @staticmethod
+    def of(curve: Panels, wavelength: float, index: complex | None, polarisations: tuple[str, ...]) -> Patch:
+        k = 2 * np.pi / wavelength
+        wanted = tuple(sorted({n for p in polarisations for n in system.operators_needed(index is None, p)}))
+        inside = None if index is None else operators.assemble(k * index, curve, curve, ("single", "double"), True)
+        return Patch(curve, k, index, operators.assemble(k, curve, curve, wanted, True), inside)
+
+    def solve(self, theta_i: Floats, polarisation: str, taper: float, centre: float) -> Fields:
+        """Fields for beams from θ_i (r,) radians with ℓ = `taper` around x = `centre`: one factorisation for all."""
+        factor = system.factored(self.curve, self.k, self.index, polarisation, self.air, self.inside)
+        x, z = self.curve.point
+        extent = float(np.abs(x - centre).max() + np.abs(z).max())
+        beams = [beam.gaussian(self.k, float(t), taper, centre, extent) for t in theta_i]
+        incident = [b.on(x, z, self.curve.normal) for b in beams]
+        field, slope = (np.stack([pair[i] for pair in incident], axis=1) for i in (0, 1))
+        psi, phi, residual = factor.solve(field, slope)
+        return Fields(self.curve, self.k, psi, phi, beams, factor.unknowns, factor.condition, residual)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,12 +139,10 @@ def scatter_profile(
 
     scale = wavelength_um if refractive_index is None else wavelength_um / max(1.0, complex(refractive_index).real)
     edges = panels.smooth_edges(curve, x[0], x[-1], panel_wavelengths * scale, ORDER, 1e-6 * wavelength_um)
-    taper: Any = float(np.ptp(x)) / 8 if taper_um is None else taper_um
+    taper = float(np.ptp(x)) / 8 if taper_um is None else float(taper_um)
     theta = np.deg2rad(np.atleast_1d(np.asarray(theta_i_deg, float)))
-    found = solve(
-        panels.on_curve(curve, edges, ORDER), wavelength_um, theta, polarisation, refractive_index, taper,
-        float(x[0] + x[-1]) / 2,
-    )  # fmt: skip
+    patch = Patch.of(panels.on_curve(curve, edges, ORDER), wavelength_um, refractive_index, (polarisation,))
+    found = patch.solve(theta, polarisation, taper, float(x[0] + x[-1]) / 2)
     reflected = found.reflected()
     balance = reflected if refractive_index is None else reflected + found.absorbed()
     return Scattering(found.density(np.deg2rad(np.asarray(theta_o_deg, float))), reflected, balance, found)

@@ -1,0 +1,92 @@
+"""How finely, at what cost: panels from the tolerance, the price before it is paid, the error by a coarser solution."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ...errors import ToleranceError
+from .panels import Floats
+from .profile import Resolution
+
+MOST_UNKNOWNS = 8000
+ORDER = 10  # nodes of a panel
+COARSE, FINER = 1.2, 1.5  # longest panel of the first solution in wavelengths; each further one is so much finer
+ROUNDS = 4  # solutions at most
+PER_KERNEL, PER_FLOP = 60e-9, 1 / 2e10  # seconds of a kernel value and of an operation, one core of 2023
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Unknowns, memory and time of one wavelength, before anything is solved."""
+
+    unknowns: int
+    bytes: float
+    seconds: float
+
+    def __str__(self) -> str:
+        return f"{self.unknowns:,} unknowns, {self.bytes / 1e9:.2g} GB, about {self.seconds:.2g} s a wavelength"
+
+
+def resolution(wavelength: float, index: complex | None, tol: float, round_: int) -> Resolution:
+    """Panels of the `round_`-th solution: shorter inside a material where the wavelength is."""
+    inside = 1.0 if index is None else max(1.0, complex(index).real)
+    longest = COARSE * wavelength / inside / FINER**round_
+    return Resolution(longest, 1e-3 * tol * wavelength / 4**round_, ORDER, round_)
+
+
+def cost(nodes: int, index: complex | None, polarisations: int, incidences: int, periodic: bool) -> Cost:
+    """Of `nodes` points on the profile; a grating has three images and a factorisation for every angle."""
+    size = nodes if index is None else 2 * nodes
+    images = 3 if periodic else 1
+    kept = images * nodes**2 * (3 if index is None else 4)
+    kernels = images * nodes**2 * (4 if index is None else 8)
+    solved = polarisations * (incidences if periodic else 1)
+    flops = solved * 8 / 3 * float(size) ** 3
+    return Cost(size, 16.0 * (kept + 2 * float(size) ** 2), kernels * PER_KERNEL + flops * PER_FLOP)
+
+
+def require_affordable(price: Cost, what: str) -> None:
+    """Raise ToleranceError, before memory is asked for, where the system is too large for a direct solution."""
+    if price.unknowns > MOST_UNKNOWNS:
+        raise ToleranceError(
+            f"full wave: {what} needs {price}; at most {MOST_UNKNOWNS:,} unknowns are solved. Take a smaller "
+            "coherence_um (a finite profile is cut to 4 of them on each side), a shorter profile or period, a longer "
+            "wavelength or a larger tol; 'perfect' needs half the unknowns of a material"
+        )
+
+
+def converged(
+    run: Callable[[int], tuple[Floats, T]], tol: float, progress: Callable[[float], Any] | None = None
+) -> tuple[Floats, T, float]:
+    """Solutions on finer and finer panels until two agree: values of the last, what comes with them, their difference.
+
+    run : round → values (r, m) and anything else.  The difference is relative to the largest value of each row: it is
+    the error of the coarser solution, and bounds that of the one returned. Where a finer one cannot be afforded, the
+    last that could is returned with what was known of it.
+    """
+    coarse, found = run(0)
+    error = np.inf
+    for round_ in range(1, ROUNDS):
+        try:
+            fine, found = run(round_)
+        except ToleranceError:
+            break
+        error = difference(coarse, fine)
+        coarse = fine
+        if progress is not None:
+            progress(round_ / ROUNDS)
+        if error <= tol:
+            break
+    return coarse, found, error
+
+
+def difference(a: Floats, b: Floats) -> float:
+    """Largest |a − b| relative to the largest value in its row."""
+    top = np.maximum(np.abs(b).max(axis=1), 1e-300)
+    return float((np.abs(a - b).max(axis=1) / top).max())

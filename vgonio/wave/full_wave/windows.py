@@ -1,0 +1,132 @@
+"""Finite profiles: coherence windows along the profile, each a tapered beam over its own piece."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...directions import Detector, Incoming
+from ...surface.heightfield import Heightfield
+from ...units import nm_to_um, radians
+from .. import coherence
+from . import beam, effort, profile, remarks
+from .detection import element_means
+from .outcome import Outcome
+from .panels import Floats, Panels
+from .tapered import Fields, Patch
+
+if TYPE_CHECKING:
+    from .solver import FullWave
+
+EDGE = 4.0  # a piece ends at 4 ℓ, where the amplitude of the beam is 3e-4
+WHOLE = 8.0  # without a coherence length: ℓ is so small a part of the profile
+
+
+def taper_of(incoming: Incoming, surface: Heightfield) -> float:
+    """ℓ in µm."""
+    return surface.size_um[1] / WHOLE if incoming.coherence_um is None else incoming.coherence_um
+
+
+def centres(surface: Heightfield, taper: float, most: int | None) -> tuple[list[float], float]:
+    """Middles of the windows along x, µm, and how many of them are independent."""
+    one_row = surface.replace(z=surface.z[:1]) if surface.shape[1] > 1 else surface
+    tiled = coherence.tile(one_row, taper)
+    if most is not None and most < len(tiled):
+        tiled = [tiled[i] for i in np.linspace(0, len(tiled) - 1, most).round().astype(int)]
+    return [w.centre[1] for w in tiled], coherence.independent(tiled, one_row)
+
+
+def piece(surface: Heightfield, centre: float, taper: float, how: profile.Resolution) -> Panels:
+    """Panels of the part of the profile that a window lights."""
+    start, stop = max(0.0, centre - EDGE * taper), min(surface.size_um[1], centre + EDGE * taper)
+    return profile.cut(surface, start, stop, how)
+
+
+def scattered(
+    solver: FullWave,
+    surface: Heightfield,
+    incoming: Incoming,
+    detector: Detector,
+    wavelength_nm: float,
+    polarisations: tuple[str, ...],
+    sign: float,
+) -> Outcome:
+    """One wavelength: the mean over windows; the panels are converged in the middle window, and serve all others."""
+    wavelength, index = float(nm_to_um(wavelength_nm)), solver.index(wavelength_nm)
+    taper = taper_of(incoming, surface)
+    middles, independent = centres(surface, taper, solver.windows)
+    theta = sign * radians(incoming.theta_deg)
+
+    def window(n: int, round_: int) -> list[Fields]:
+        how = effort.resolution(wavelength, index, solver.tol, round_)
+        curve = piece(surface, middles[n], taper, how)
+        price = effort.cost(curve.size, index, len(polarisations), len(theta), False)
+        effort.require_affordable(price, f"a piece of {np.ptp(curve.x):.3g} µm at {wavelength_nm:g} nm")
+        patch = Patch.of(curve, wavelength, index, polarisations)
+        return [patch.solve(theta, p, taper, middles[n]) for p in polarisations]
+
+    def means(found: list[Fields]) -> tuple[Floats, Floats]:
+        pairs = [_detected(f, detector, sign, taper) for f in found]
+        return np.stack([p[0] for p in pairs]), np.stack([p[1] for p in pairs])
+
+    rounds: list[int] = []
+
+    def run(round_: int) -> tuple[Floats, list[Fields]]:
+        found = window(len(middles) // 2, round_)
+        rounds.append(round_)
+        brdf = means(found)[0]
+        return brdf.reshape(-1, brdf.shape[-1]), found
+
+    _, middle, error = effort.converged(run, solver.tol)
+    every = [middle if n == len(middles) // 2 else window(n, rounds[-1]) for n in range(len(middles))]
+    pairs = [means(found) for found in every]
+    brdf = np.stack([p[0] for p in pairs])
+    if len(middles) > 1:
+        stderr = brdf.std(axis=0, ddof=1) / np.sqrt(independent)
+        attrs = {"stderr_estimate": f"spread over {independent:.1f} effective independent windows"}
+    else:
+        stderr = pairs[0][1]
+        attrs = {"stderr_estimate": "spread over the directions within a detector element: one window only"}
+    return _outcome(every, brdf.mean(axis=0), stderr, error, index, taper, middles, incoming.theta_deg, attrs)
+
+
+def _detected(found: Fields, detector: Detector, sign: float, taper: float) -> tuple[Floats, Floats]:
+    def p(sine: Floats) -> Floats:
+        theta = np.arcsin(sine)
+        return found.density(theta) / np.cos(theta)
+
+    rate = found.k * (float(np.ptp(found.curve.x)) + float(np.ptp(found.curve.z)))
+    return element_means(detector, sign, found.k, taper, p, rate)
+
+
+def _outcome(
+    every: list[list[Fields]], brdf: Floats, stderr: Floats, error: float, index: complex | None, taper: float,
+    middles: list[float], theta_deg: Floats, attrs: dict,
+) -> Outcome:  # fmt: skip
+    def mean(values: list[list[Floats]]) -> Floats:  # over windows: (polarisation, theta_i)
+        return np.mean(np.array(values), axis=0)
+
+    reflected = mean([[f.reflected() for f in w] for w in every])
+    absorbed = np.zeros_like(reflected) if index is None else mean([[f.absorbed() for f in w] for w in every])
+    condition = np.max([[np.full(len(theta_deg), f.condition) for f in w] for w in every], axis=0)
+    residual = np.max([[f.residual for f in w] for w in every], axis=0)
+    unknowns = max(f.unknowns for w in every for f in w)
+    worst = remarks.Quality(
+        unknowns, float(condition.max()), float(residual.max()), float(np.abs(1 - reflected - absorbed).max())
+    )
+    said = worst.remarks() + [
+        r for w, c in zip(every, middles) for r in remarks.of_beam(w[0], taper, c, theta_deg)
+    ]  # fmt: skip
+    attrs |= {
+        "coherence_um": taper,
+        "windows": len(middles),
+        "edges": f"open: each window is cut {EDGE:g} ℓ from its middle or where the profile ends; what leaves past the "
+        "ends is missing in energy_balance",
+        "spectrum_kept": beam.REACH,
+    }
+    return Outcome(brdf, stderr, reflected, absorbed, condition, residual, unknowns, error, _unique(said), attrs)
+
+
+def _unique(lines: list[str]) -> list[str]:
+    return list(dict.fromkeys(lines))
