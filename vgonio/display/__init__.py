@@ -17,7 +17,16 @@ from .primaries import Primaries, primaries
 from .readings import Readings, grid_colours, quantise, ramp_colours
 from .summary import coverage, summary
 from .tone import ToneCurve, tone_curve
-from .verification import CalibrationCheck, ModelCheck, Targets, check_calibration, check_model, looked_up, targets
+from .verification import (
+    CalibrationCheck,
+    Examined,
+    ModelCheck,
+    Targets,
+    check_calibration,
+    check_model,
+    looked_up,
+    targets,
+)
 from .virtual import VirtualDisplay, virtual_display
 
 __all__ = [
@@ -25,6 +34,7 @@ __all__ = [
     "CalibrationCheck",
     "Controls",
     "DisplayModel",
+    "Examined",
     "ModelCheck",
     "Patches",
     "Primaries",

@@ -20,7 +20,12 @@ from .readings import CHANNELS, SAME_SIGNAL, Readings
 Floats = NDArray[np.float64]
 # mean ΔE₀₀ that counts as a failure: about what is just seen side by side, as the thesis counts colours above 1
 LIMIT = 1.0
-NAMES = ("constancy", "tone", "independence", "additivity")
+MEANING = {
+    "constancy": "the spectra of the primaries are the same at all levels",
+    "tone": "the tone curves go through levels that they were not fitted to",
+    "independence": "a channel's light does not depend on a second channel",
+    "additivity": "greys are the sum of their three channels",
+}
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,7 @@ class Assumptions:
     def costs(self) -> dict[str, float]:
         """Mean ΔE₀₀ by assumption, of the worst channel where there are three."""
         worst = [float(np.max(v)) if not np.all(np.isnan(v)) else np.nan for v in (self.constancy, self.tone)]
-        return dict(zip(NAMES, (*worst, self.independence, self.additivity)))
+        return dict(zip(MEANING, (*worst, self.independence, self.additivity)))
 
     def failing(self, limit: float = LIMIT) -> list[str]:
         """Names of the assumptions whose failure costs more than `limit` of ΔE₀₀ on average."""
@@ -153,34 +158,18 @@ def _greys(model: DisplayModel, tests: Readings, singles: list[dict[int, Floats]
     return difference, tests.rgb[chosen, 0][order], excess[order]
 
 
-def words(found: Assumptions) -> list[str]:
-    """A sentence for each assumption: what was found, in figures."""
-    costs, failing = found.costs(), found.failing()
-    meaning = {
-        "constancy": "the spectra of the primaries are the same at all levels",
-        "tone": "the tone curves go through levels that they were not fitted to",
-        "independence": "a channel's light does not depend on a second channel",
-        "additivity": "greys are the sum of their three channels",
-    }
-    lines = []
-    for name in NAMES:
-        if np.isnan(costs[name]):
-            lines.append(f"Not tested, no colours for it: {meaning[name]}.")
-            continue
-        verdict = "fails" if name in failing else "holds"
-        lines.append(
-            f"{name.capitalize()} {verdict} (mean ΔE₀₀ {costs[name]:.2f}): {meaning[name]}{_detail(name, found)}."
-        )
-    return lines
-
-
-def _detail(name: str, found: Assumptions) -> str:
-    if name == "additivity":
+def details(name: str, found: Assumptions) -> str:
+    """The largest single departure that stands behind an assumption, in words; empty where there is none to tell."""
+    if name == "additivity" and found.luminance.size:
         k = int(np.argmax(np.abs(found.luminance)))
-        level = 255 * found.grey_levels[k]
-        return f"; luminance off by {100 * found.luminance[k]:+.2g} % at grey {level:.0f}".replace("-", "−")
-    if name == "independence":
-        i, j = np.unravel_index(np.nanargmax(np.abs(found.influence)), (3, 3))
-        text = f"; most: {CHANNELS[i]} changes by {100 * found.influence[i, j]:+.2g} % when {CHANNELS[j]} is on"
+        text = f"luminance off by {100 * found.luminance[k]:+.2g} % at grey {255 * found.grey_levels[k]:.0f}"
         return text.replace("-", "−")
+    if name == "independence" and np.any(np.isfinite(found.influence)):
+        i, j = np.unravel_index(np.nanargmax(np.abs(found.influence)), (3, 3))
+        text = f"{CHANNELS[i]} changes by {100 * found.influence[i, j]:+.2g} % when {CHANNELS[j]} is on"
+        return text.replace("-", "−")
+    if name in ("constancy", "tone"):
+        by_channel = found.constancy if name == "constancy" else found.tone
+        if np.any(np.isfinite(by_channel)):
+            return f"most in {CHANNELS[int(np.nanargmax(by_channel))]}"
     return ""
