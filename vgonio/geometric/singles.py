@@ -92,10 +92,10 @@ def _count_strip(
     away = ahead(beam.direction, 2 * cos_i, normal)
     second, beyond, escaped = next_facet(mesh, tracer, ahead(point, mesh.lift, normal), away, may_be_free=False)
     single[check[escaped]] = True
-    go = np.flatnonzero((second >= 0) & (max_bounces > 1))
-    lost = np.delete(facet, np.concatenate([go, np.flatnonzero(escaped)]))
+    on = (second >= 0) & (max_bounces > 1)
+    go, lost = np.flatnonzero(on), facet[~(on | escaped)]
     counts.add(first, single, lost, int(n - single.sum() - len(lost) - len(go)))
-    return facet[go], point[go], second[go], beyond[go]
+    return facet[go], np.take(point, go, axis=0), second[go], np.take(beyond, go, axis=0)
 
 
 def _trace(beam: ParallelBeam, start: Floats, known: list[Step], max_bounces: int) -> Paths:
