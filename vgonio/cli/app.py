@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from . import doctor, results, simulate, surface
+from . import doctor, render, results, simulate, surface
 
 app = typer.Typer(
     name="vgonio",
@@ -42,4 +42,5 @@ app.command("init")(simulate.init)
 app.add_typer(surface.app, name="surface")
 app.command("compare")(results.compare)
 app.command("report")(results.report)
+app.command("render")(render.render)
 app.command("doctor")(doctor.doctor)

@@ -177,7 +177,7 @@ def _extended_class(mi: Any, plain: type) -> type:
     import drjit as dr
 
     class Clausen2022(plain):  # type: ignore[valid-type, misc]
-        """The plain model, its facets times 1 + (h cos(w θ_m) + t_y)(λ − λ_n) or 0 where that is negative (thesis 4.8)."""
+        """The plain model, its facets times 1 + (h cos(w θ_m) + t_y)(λ − λ_n) not below 0 (thesis 4.8)."""
 
         def read_shift(self, props: Any) -> None:
             self.h, self.w = mi.Float(_finite("h", props["h"])), mi.Float(_finite("w", props["w"]))

@@ -111,6 +111,15 @@ def _works(variant: str, library: str) -> tuple[bool, str]:
     return done.returncode == 0, lines[-1][:120] if lines else f"its process ended with status {done.returncode}"
 
 
+def _limit_threads() -> None:
+    """As many threads as `--threads` (OMP_NUM_THREADS) says."""
+    wanted = os.environ.get("OMP_NUM_THREADS", "")
+    if wanted.isdigit() and int(wanted) > 0:
+        import drjit
+
+        drjit.set_thread_count(int(wanted))
+
+
 def use(choice: Choice | str = "auto") -> Any:
     """Mitsuba with the variant set and the plug-ins of vgonio registered; the module."""
     from .bsdf import register
@@ -121,5 +130,6 @@ def use(choice: Choice | str = "auto") -> Any:
     mi = mitsuba()
     if mi.variant() != chosen.variant:
         mi.set_variant(chosen.variant)
+        _limit_threads()
     register(mi)
     return mi
