@@ -5,7 +5,9 @@ Importing this package loads neither colour-science nor lmfit; the functions tha
 
 from .colour import delta_e_2000, rgb_map, xyz
 from .comparison import compare
+from .fit_files import evaluate_fit, fit_parameters, open_fit, save_fit
 from .metrics import align, nrmse, nse, rmse
+from .model_fit import fit_model
 from .shift import fit_global_shift, fit_local_shift
 from .summary import summary
 
@@ -13,12 +15,17 @@ __all__ = [
     "align",
     "compare",
     "delta_e_2000",
+    "evaluate_fit",
     "fit_global_shift",
     "fit_local_shift",
+    "fit_model",
+    "fit_parameters",
     "nrmse",
     "nse",
+    "open_fit",
     "rgb_map",
     "rmse",
+    "save_fit",
     "summary",
     "xyz",
 ]
