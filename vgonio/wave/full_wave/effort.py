@@ -14,7 +14,7 @@ from .profile import Resolution
 
 MOST_UNKNOWNS = 8000
 ORDER = 10  # nodes of a panel
-COARSE, FINER = 1.2, 1.5  # longest panel of the first solution in wavelengths; each further one is so much finer
+COARSE, FINER = 1.6, 1.5  # longest panel of the first solution in wavelengths; each further one is so much finer
 ROUNDS = 4  # solutions at most
 PER_KERNEL, PER_FLOP = 60e-9, 1 / 2e10  # seconds of a kernel value and of an operation, one core of 2023
 
