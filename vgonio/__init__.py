@@ -16,7 +16,20 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from . import compare, directions, errors, geometric, materials, measure, models, report, surface, units, wave
+    from . import (
+        compare,
+        directions,
+        display,
+        errors,
+        geometric,
+        materials,
+        measure,
+        models,
+        report,
+        surface,
+        units,
+        wave,
+    )
     from .measure.storage import open, save
     from .planning import plan
     from .simulation import simulate
@@ -24,6 +37,7 @@ if TYPE_CHECKING:
 _MODULES = (
     "compare",
     "directions",
+    "display",
     "errors",
     "geometric",
     "materials",
@@ -46,6 +60,7 @@ __all__ = [
     "__version__",
     "compare",
     "directions",
+    "display",
     "errors",
     "geometric",
     "materials",

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from . import doctor, render, results, simulate, surface
+from . import display, doctor, render, results, simulate, surface
 
 app = typer.Typer(
     name="vgonio",
@@ -43,4 +43,5 @@ app.add_typer(surface.app, name="surface")
 app.command("compare")(results.compare)
 app.command("report")(results.report)
 app.command("render")(render.render)
+app.add_typer(display.app, name="display")
 app.command("doctor")(doctor.doctor)

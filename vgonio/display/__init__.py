@@ -9,6 +9,7 @@ The model has one colour for the whole panel and no lens in front of it, as the 
 
 from .assumptions import Assumptions
 from .cube import lut, lut_error, write_cube
+from .examination import Examined, examine, examine_virtual
 from .files import read, write
 from .icc import write_icc
 from .model import Controls, DisplayModel, fit
@@ -19,7 +20,6 @@ from .summary import coverage, summary
 from .tone import ToneCurve, tone_curve
 from .verification import (
     CalibrationCheck,
-    Examined,
     ModelCheck,
     Targets,
     check_calibration,
@@ -45,6 +45,8 @@ __all__ = [
     "check_calibration",
     "check_model",
     "coverage",
+    "examine",
+    "examine_virtual",
     "fit",
     "grid_colours",
     "looked_up",

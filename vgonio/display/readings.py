@@ -53,6 +53,13 @@ class Readings:
         """Some of the readings."""
         return Readings(self.rgb[chosen], self.spectra[chosen], self.wavelength_nm, self.eye)
 
+    def averaged(self) -> Readings:
+        """Each colour once, in the order of its first reading, with the mean of its spectra."""
+        _, first, group = np.unique(np.round(self.rgb / SAME_SIGNAL), axis=0, return_index=True, return_inverse=True)
+        order = np.argsort(first)
+        spectra = np.array([self.spectra[group.ravel() == g].mean(axis=0) for g in order])
+        return Readings(self.rgb[first[order]], spectra, self.wavelength_nm, self.eye)
+
     def index(self, rgb: ArrayLike) -> NDArray[np.intp]:
         """(m,) place of the first reading of each colour (m, 3), −1 where there is none."""
         wanted = np.atleast_2d(np.asarray(rgb, float))

@@ -66,7 +66,7 @@ def summary(model: DisplayModel, check: ModelCheck | None = None) -> dict[str, A
         "white_cd_m2": white,
         "white_simulated_cd_m2": float(model.xyz(np.ones(3))[1]),
         "black_cd_m2": black,
-        "contrast": white / black if black > 0 else float("inf"),
+        "contrast": white / black if black > 0 else None,
         "white_xy": chromaticity(model.white_xyz).round(4).tolist(),
         "primaries_xy": dict(zip(CHANNELS, xy)),
         "condition": model.condition,

@@ -153,12 +153,3 @@ def looked_up(readings: Readings) -> Callable[[Floats], Floats]:
         return readings.xyz[place]
 
     return measure
-
-
-@dataclass(frozen=True)
-class Examined:
-    """All that is known of one display or eye: its model and, where there were test colours, frameworks 1 and 2."""
-
-    model: DisplayModel
-    check: ModelCheck | None = None
-    calibration: CalibrationCheck | None = None

@@ -72,7 +72,7 @@ def _verdict(named: Mapping[str, Examined], facts: Mapping[str, Mapping[str, Any
     made = Verdict()
     fact, one = next(iter(facts.values())), next(iter(named.values()))
     eye = f"{one.model.eye} eye, " if one.model.eye else ""
-    contrast = f"{fact['contrast']:.0f} : 1" if np.isfinite(fact["contrast"]) else "no light in black"
+    contrast = f"{fact['contrast']:.0f} : 1" if fact["contrast"] else "without end: no light in black"
     made.cards.append(Card("White", f"{number(fact['white_cd_m2'])} cd/m²", f"{eye}x, y = {_pair(fact['white_xy'])}"))
     made.cards.append(Card("Black", f"{number(fact['black_cd_m2'], 2)} cd/m²", f"contrast {contrast}"))
     if one.check is not None:
@@ -153,7 +153,7 @@ def _table_5_1(facts: Mapping[str, Mapping[str, Any]]) -> Table:
     row("Largest luminance, cd/m²", lambda f: number(f["white_cd_m2"]))
     row("of black + R + G + B, cd/m²", lambda f: number(f["white_simulated_cd_m2"]))
     row("Least luminance, cd/m²", lambda f: number(f["black_cd_m2"], 2))
-    row("Contrast", lambda f: f"{f['contrast']:.0f} : 1" if np.isfinite(f["contrast"]) else "–")
+    row("Contrast", lambda f: f"{f['contrast']:.0f} : 1" if f["contrast"] else "–")
     row("White x, y", lambda f: _pair(f["white_xy"]))
     for channel in ("red", "green", "blue"):
         row(f"{channel.capitalize()} x, y", lambda f, c=channel: _pair(f["primaries_xy"][c]))
