@@ -141,10 +141,12 @@ def _threads() -> int | None:
 
 def waves(scene: Scene, theory: str, progress: Progress | None = None) -> Any:
     """The wave solver of [wave] for one of its theories."""
-    from .wave import Kirchhoff
+    from .wave import FullWave, Kirchhoff
 
     asked, light = _required(scene.wave, "wave"), _required(scene.light, "light")
     given: dict[str, Any] = {} if progress is None else {"progress": progress}
+    if theory == "full-wave":
+        return FullWave(material=scene_material(scene), wavelength_nm=light.wavelength_nm, tol=asked.tol, **given)
     return Kirchhoff(
         material=scene_material(scene),
         wavelength_nm=light.wavelength_nm,

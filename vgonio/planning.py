@@ -159,7 +159,11 @@ def _wave_stages(scene: Scene, surface: Heightfield | None) -> list[Stage]:
     from .wave.coherence import tile
 
     light = scene.light
-    count = len(light.theta_i_deg) * len(light.wavelength_nm) * detector_elements(scene) * len(scene.wave.theory)
+    scalar = [t for t in scene.wave.theory if t != "full-wave"]
+    rigorous = [_full_wave_stage(scene, surface)] if len(scalar) < len(scene.wave.theory) else []
+    if not scalar:
+        return [*_left_out(("interpolate", "transform"), "no theory asked for integrates the surface once"), *rigorous]
+    count = len(light.theta_i_deg) * len(light.wavelength_nm) * detector_elements(scene) * len(scalar)
     windows = len(tile(surface, light.coherence_um))
     library = {"opencl": "pyopencl", "reference": "numpy"}.get(scene.wave.method, "finufft")
     refined = refinement(surface, light.wavelength_nm)
@@ -174,12 +178,22 @@ def _wave_stages(scene: Scene, surface: Heightfield | None) -> list[Stage]:
         Stage(
             "transform",
             True,
-            ", ".join(scene.wave.theory) + f", method {scene.wave.method!r}, tol = {scene.wave.tol:g}",
+            ", ".join(scalar) + f", method {scene.wave.method!r}, tol = {scene.wave.tol:g}",
             library,
             f"{count:,} directions × wavelengths, {windows} coherence windows{_dearer(scene)}",
         ),
         _trust_stage(surface, scene.wave.theory, light),
+        *rigorous,
     ]
+
+
+def _full_wave_stage(scene: Scene, surface: Heightfield) -> Stage:
+    """The rigorous solver; InputError for a surface that is no one-dimensional profile."""
+    from .wave.full_wave import forecast
+
+    expected = forecast(assembly.waves(scene, "full-wave"), surface, assembly.gonioreflectometer(scene).incoming)
+    why = "rigorous, of a one-dimensional profile, TE and TM" + ("" if expected.affordable else ": TOO LARGE")
+    return Stage("full wave", expected.affordable, why, "scipy", str(expected))
 
 
 def _trust_stage(surface: Heightfield, theories: list[str], light: Light) -> Stage:
@@ -299,10 +313,9 @@ def with_folder(path: Path) -> Path:
 
 def _warnings(scene: Scene, inputs: assembly.Inputs) -> list[str]:
     found: list[str] = []
-    if inputs.surface is not None and scene.wave is not None:
-        found += wave_warnings(
-            inputs.surface, scene.wave.theory, scene.light, _largest_theta_o(scene), scene.wave.shadowing
-        )
+    scalar = [t for t in scene.wave.theory if t != "full-wave"] if scene.wave is not None else []
+    if inputs.surface is not None and scene.wave is not None and scalar:
+        found += wave_warnings(inputs.surface, scalar, scene.light, _largest_theta_o(scene), scene.wave.shadowing)
     if inputs.measured is not None and scene.light is not None:
         found += _measured_warnings(inputs.measured, scene.light)
     return found

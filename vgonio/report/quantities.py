@@ -16,6 +16,7 @@ THEORIES = {
     "kirchhoff": "Kirchhoff",
     "generalized-harvey-shack": "generalized Harvey–Shack",
     "harvey-shack": "Harvey–Shack",
+    "full-wave": "full wave",
 }
 
 

@@ -30,8 +30,8 @@ from ..surface.interpolant import KINDS
 from ..units import to_um
 from .values import check_generator, checked, expand, not_offered, one_of, whole
 
-THEORIES = ("kirchhoff", "generalized-harvey-shack", "harvey-shack")
-LATER_THEORIES = ("iterated-kirchhoff", "full-wave")
+THEORIES = ("kirchhoff", "generalized-harvey-shack", "harvey-shack", "full-wave")
+LATER_THEORIES = ("iterated-kirchhoff",)
 METHODS = ("auto", "nufft", "opencl", "reference")
 TRACERS = ("embree", "reference", "warp")
 ESTIMATORS = ("auto", "binning", "facets")
@@ -197,6 +197,12 @@ class Wave(Table):
         if self.polarised and (self.theory != ["kirchhoff"] or self.fresnel != "half"):
             raise InputError('polarised = true is for theory = "kirchhoff" alone, without fresnel')
         self.refuse(None if self.bounces == 1 else self.bounces, "bounces")
+        scalar = self.shadowing or self.energy or self.renormalise or self.fresnel != "half"
+        if self.theory == ["full-wave"] and scalar:
+            raise InputError(
+                'shadowing, fresnel, energy and renormalise are for the scalar theories: "full-wave" holds shadows, '
+                "local reflection and all energies as it is"
+            )
         if not self.theory or len(set(self.theory)) < len(self.theory):
             raise InputError(f"theory lists nothing or a theory twice: {self.theory}")
         return self

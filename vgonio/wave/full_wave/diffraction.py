@@ -159,14 +159,14 @@ def scattered(
     }
     return Outcome(
         brdf=brdf,
-        stderr=np.zeros_like(brdf),
+        stderr=np.broadcast_to(error * brdf.max(axis=-1, keepdims=True), brdf.shape),
         unknowns=max(d.unknowns for row in table for d in row),
         error=error,
         remarks=_remarks(table, wavelength_nm, incoming.theta_deg, polarisations),
         attrs={
             "coherence_um": taper,
             "period_um": surface.period_um or surface.size_um[1],
-            "stderr_estimate": "none: the orders of an ideal grating",
+            "stderr_estimate": "numerical, an ideal grating has no spread: error_achieved of the largest value",
             "edges": "periodic: orders of the grating, spread by the coherence window",
         },
         **arrays,

@@ -85,7 +85,7 @@ class FullWave:
         and the element's projected solid angle, `brdf_by_polarisation` beside the mean, energies and balance."""
         start = time.perf_counter()
         require_profile(surface)
-        polarisations = self._polarisations(incoming)
+        polarisations = self.polarisations(incoming)
         sign = _azimuth(incoming)
         outcomes = []
         for n, wavelength in enumerate(self.wavelength_nm):
@@ -124,7 +124,8 @@ class FullWave:
         }
 
     # ---- parts
-    def _polarisations(self, incoming: Incoming) -> tuple[str, ...]:
+    def polarisations(self, incoming: Incoming) -> tuple[str, ...]:
+        """ "TE", "TM" or both, as the light asks; InputError where light and solver exclude each other."""
         light = OF_LIGHT[incoming.polarisation]
         if self.polarisation == "both":
             return light
