@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from .measure.storage import open, save
     from .planning import plan
     from .simulation import simulate
+    from .studies import sweep
 
 _MODULES = (
     "compare",
@@ -52,6 +53,7 @@ _MODULES = (
 _FUNCTIONS = {
     "simulate": "vgonio.simulation",
     "plan": "vgonio.planning",
+    "sweep": "vgonio.studies",
     "save": "vgonio.measure.storage",
     "open": "vgonio.measure.storage",
 }
@@ -72,6 +74,7 @@ __all__ = [
     "save",
     "simulate",
     "surface",
+    "sweep",
     "units",
     "wave",
 ]

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from . import display, doctor, render, results, simulate, surface
+from . import display, doctor, render, results, simulate, surface, sweep
 
 app = typer.Typer(
     name="vgonio",
@@ -37,6 +37,7 @@ def _all_commands(
 
 
 app.command("simulate")(simulate.simulate)
+app.command("sweep")(sweep.sweep)
 app.command("plan")(simulate.plan)
 app.command("init")(simulate.init)
 app.add_typer(surface.app, name="surface")

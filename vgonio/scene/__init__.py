@@ -4,7 +4,7 @@ A table that is absent is work that is not done. Every mistake is one line: the 
 allowed. This package is the only one that imports pydantic.
 """
 
-from .reading import load_scene, parse_override
+from .reading import changed_scene, load_scene, parse_override, without_output
 from .tables import TABLES, THEORIES, Light, Scene
 from .values import GENERATORS, check_generator, expand
 
@@ -14,8 +14,10 @@ __all__ = [
     "THEORIES",
     "Light",
     "Scene",
+    "changed_scene",
     "check_generator",
     "expand",
     "load_scene",
     "parse_override",
+    "without_output",
 ]

@@ -32,6 +32,20 @@ def load_scene(source: str | os.PathLike[str] | Mapping[str, Any] | Scene, overr
     return _build(_overridden(_read(path), overrides), path.parent, path.stem, path.name)
 
 
+def changed_scene(scene: Scene, values: Mapping[str, Any]) -> Scene:
+    """The scene with some keys ("table.key") at other values; InputError for what a scene does not allow."""
+    data: Mapping[str, Any] = scene.to_dict()
+    for key, value in values.items():
+        data = _with(data, key.split("."), value, f"{key} = {value!r}")
+    return _build(data, scene.folder, scene._name, scene._name)
+
+
+def without_output(scene: Scene) -> Scene:
+    """The scene without its [output]: simulated, it writes nothing."""
+    data = {k: v for k, v in scene.to_dict().items() if k != "output"}
+    return _build(data, scene.folder, scene._name, scene._name)
+
+
 def _read(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
@@ -72,7 +86,7 @@ def _looks_like_path(value: str) -> bool:
 def _overridden(data: dict[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
     for text in overrides:
         keys, value = parse_override(text)
-        data = _with(data, keys, value, text)
+        data = _with(data, keys, value, f"--set {text!r}")
     return data
 
 
@@ -82,7 +96,7 @@ def _with(data: Mapping[str, Any], keys: list[str], value: Any, text: str) -> di
         return {**data, keys[0]: value}
     inner = data.get(keys[0], {})
     if not isinstance(inner, Mapping):
-        raise InputError(f"--set {text!r}: {keys[0]} is {inner!r}, not a table")
+        raise InputError(f"{text}: {keys[0]} is {inner!r}, not a table")
     return {**data, keys[0]: _with(inner, keys[1:], value, text)}
 
 

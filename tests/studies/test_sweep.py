@@ -1,0 +1,226 @@
+"""Sweeps on a real Dask cluster: what is stored, what is computed again, what a lost worker costs."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import vgonio as vg
+from vgonio.errors import BackendError, FileFormatError, InputError
+from vgonio.studies import Store, gather, load_study, sweep
+
+pytest.importorskip("distributed", reason="Dask is not installed: pip install 'vgonio[sweep]'")
+
+SCENE = """
+[surface]
+generate = { kind = "gaussian", rms_um = 0.5, correlation_um = 4.0, shape = [32, 32], pitch_um = 0.5, seed = 1 }
+[material]
+name = "perfect"
+[light]
+wavelength_nm = [450, 650]
+theta_i_deg = [0, 40]
+[detector]
+theta_o_deg = { start = -80, stop = 80, step = 10 }
+[geometric]
+rays = RAYS
+"""
+
+
+@pytest.fixture
+def study_file(tmp_path):
+    def write(vary: str, rays: int = 1000):
+        (tmp_path / "scene.toml").write_text(SCENE.replace("RAYS", str(rays)))
+        (tmp_path / "study.toml").write_text(f'scene = "scene.toml"\n{vary}\n')
+        return tmp_path / "study.toml"
+
+    return write
+
+
+def begun(store: Store) -> Counter:
+    return Counter(e["point"] for e in store.journal() if e["event"] == "begun")
+
+
+def test_a_sweep_equals_its_points_simulated_one_by_one(study_file):
+    path = study_file('[vary]\n"surface.generate.rms_um" = [0.2, 0.8]\n"light.theta_i_deg" = [[0], [40]]')
+    tree = sweep(path, workers=2)
+    rays = tree["rays"].to_dataset()
+    assert rays["brdf"].dims == ("rms_um", "theta_i_deg", "theta_i", "theta_o", "wavelength")
+    made = load_study(path)
+    for values in made.values():
+        alone = vg.simulate(made.point(values))["rays"].to_dataset()
+        angle = values["light.theta_i_deg"]
+        swept = rays.sel(rms_um=values["surface.generate.rms_um"], theta_i_deg=json.dumps(angle), theta_i=angle)
+        for name in ("brdf", "brdf_stderr", "energy_by_bounce", "energy_lost"):
+            np.testing.assert_array_equal(swept[name], alone[name])
+    # an angle that a point does not have is missing, not 0
+    assert np.isnan(rays["brdf"].sel(theta_i_deg="[0]", theta_i=40)).all()
+    np.testing.assert_allclose(tree["surfaces"]["Sq"].sel(rms_um=0.8), 0.8, rtol=1e-6)
+    assert (tree["state"] == 0).all()
+    assert (tree["seconds"] > 0).all()
+    # stored whole, as any other result
+    again = vg.open(vg.save(tree, path.parent / "sweep.nc"))
+    xr.testing.assert_equal(again["rays"].to_dataset(), rays)
+
+
+def test_finished_points_are_never_computed_again_and_new_ones_are_added(study_file):
+    path = study_file('[vary]\n"surface.generate.seed" = [1, 2]')
+    told: list[tuple[int, int]] = []
+    sweep(path, workers=1, progress=lambda *p: told.append(p))
+    assert told == [(1, 2), (2, 2)]
+    store = Store.made(path.with_suffix(".sweep"))
+    written = {p: p.stat().st_mtime_ns for p in store.folder.rglob("*.nc")}
+    path = study_file('[vary]\n"surface.generate.seed" = [1, 2, 3]')
+    tree = sweep(path, workers=1)
+    assert tree["state"].values.tolist() == [0, 0, 0]
+    assert sorted(begun(store).values()) == [1, 1, 1]
+    assert all(p.stat().st_mtime_ns == t for p, t in written.items())
+
+
+def test_a_point_that_fails_is_recorded_and_stops_nothing(study_file):
+    path = study_file(
+        'zip = true\n[vary]\n"surface.generate.rms_um" = [0.5, -1, 0.5]\n"material.name" = ["Al", "Al", "Xx"]'
+    )
+    tree = sweep(path, workers=1)
+    assert tree["state"].values.tolist() == [0, 1, 1]
+    assert "rms_um = -1" in str(tree["reason"].values[1])
+    assert "Xx" in str(tree["reason"].values[2])
+    assert np.isnan(tree["rays"]["brdf"].values[1:]).all()
+    store = Store.made(path.with_suffix(".sweep"))
+    before = sum(begun(store).values())
+    sweep(path, workers=1)
+    assert sum(begun(store).values()) == before  # what was refused is refused: not tried again
+    sweep(path, workers=1, retry=True)
+    assert sum(begun(store).values()) == before + 2
+
+
+def test_a_killed_worker_loses_only_what_was_in_flight(study_file):
+    path = study_file('[vary]\n"surface.generate.seed" = { start = 1, stop = 10, step = 1 }', rays=400_000)
+    store = Store.made(path.with_suffix(".sweep"))
+    killed: list[str] = []
+
+    def kill_one(ended: int, points: int) -> None:
+        if ended < 3 or killed:
+            return
+        for _ in range(1000):
+            for file in (store.folder / "journal").glob("*.jsonl"):
+                last = json.loads(file.read_text().splitlines()[-1])
+                if last["event"] == "begun":
+                    os.kill(int(file.stem.rpartition("-")[2]), signal.SIGKILL)
+                    killed.append(last["point"])
+                    return
+            time.sleep(0.005)
+
+    tree = sweep(path, workers=2, progress=kill_one)
+    assert killed
+    assert (tree["state"] == 0).all()
+    counts = begun(store)
+    assert len(counts) == 10
+    # the point that died with its worker was begun twice; a worker runs one at a time
+    assert {k for k, n in counts.items() if n > 1} <= set(killed)
+    assert sum(counts.values()) <= 11
+
+
+def test_a_killed_run_goes_on_where_it_was(study_file):
+    path = study_file('[vary]\n"surface.generate.seed" = { start = 1, stop = 8, step = 1 }', rays=400_000)
+    store = Store.made(path.with_suffix(".sweep"))
+    run = subprocess.Popen(
+        [sys.executable, "-m", "vgonio", "sweep", str(path), "--workers", "2"],
+        start_new_session=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    deadline = time.monotonic() + 60
+    while len(list(store.folder.rglob("*.nc"))) < 3 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    os.killpg(run.pid, signal.SIGKILL)
+    run.wait()
+    finished = {e["point"] for e in store.journal() if e["event"] == "done"}
+    assert 3 <= len(finished) < 8
+    assert {p.stem for p in store.folder.rglob("*.nc")} >= finished
+    tree = sweep(path, workers=2)
+    assert (tree["state"] == 0).all()
+    assert all(begun(store)[point] == 1 for point in finished)
+
+
+def test_ctrl_c_says_where_to_go_on(study_file):
+    path = study_file('[vary]\n"surface.generate.seed" = { start = 1, stop = 8, step = 1 }', rays=400_000)
+    run = subprocess.Popen(
+        [sys.executable, "-m", "vgonio", "sweep", path.name, "--workers", "2"],
+        cwd=path.parent,
+        start_new_session=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 60
+    while not list(path.parent.rglob("*.nc")) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    os.killpg(run.pid, signal.SIGINT)  # as a terminal does: to the workers too
+    _, err = run.communicate(timeout=60)
+    assert run.returncode == 130, err
+    assert "the same command goes on" in err.splitlines()[-1]
+    assert "Traceback" not in err
+    assert (gather(load_study(path), Store.made(path.with_suffix(".sweep")))["state"] == 0).any()
+
+
+def test_an_existing_scheduler_and_one_that_is_not_there(study_file):
+    from distributed import LocalCluster
+
+    path = study_file('[vary]\n"surface.generate.seed" = [1, 2]')
+    with LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster:
+        tree = sweep(path, scheduler=cluster.scheduler_address)
+    assert (tree["state"] == 0).all()
+    path = study_file('[vary]\n"surface.generate.seed" = [5]')
+    with pytest.raises(BackendError, match="no Dask scheduler answers"):
+        sweep(path, scheduler="not-an-address://x")
+
+
+def test_workers_of_another_version_are_refused(study_file):
+    from vgonio.studies.worker import compute
+
+    path = study_file('[vary]\n"surface.generate.seed" = [1]')
+    store = Store.made(path.parent / "s")
+    values = {"surface.generate.seed": 1}
+    compute(load_study(path).point(values), "ab" * 16, values, store, "0.0.0")
+    assert "0.0.0" in store.why_failed("ab" * 16)["reason"]
+
+
+def test_a_result_too_large_for_memory_is_refused(study_file, monkeypatch):
+    path = study_file('[vary]\n"surface.generate.seed" = [1, 2]')
+    monkeypatch.setattr("vgonio.studies.gathering.LARGEST", 1000.0)
+    with pytest.raises(InputError, match="one by one"):
+        sweep(path, workers=1)
+
+
+def test_the_command(study_file):
+    path = study_file('[vary]\n"surface.generate.rms_um" = [0.2, -1, 0.8]')
+    command = f"{shlex.quote(sys.executable)} -m vgonio sweep study.toml --workers 1 --json"
+    done = subprocess.run(shlex.split(command), cwd=path.parent, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["counts"] == {"points": 3, "done": 2, "failed": 1, "not computed": 0}
+    assert done.stderr.startswith("vgonio: warning: 1 point failed: rms_um = -1")
+    assert (path.with_suffix(".sweep") / "overview.png").stat().st_size > 10_000
+    assert "rays" in vg.open(path.with_suffix(".sweep") / "result.nc").children
+
+
+def test_points_read_fast_are_those_of_xarray(study_file):
+    from vgonio.studies.stored import read_point
+
+    path = study_file('[vary]\n"surface.generate.seed" = [1]')
+    sweep(path, workers=1)
+    (file,) = Store.made(path.with_suffix(".sweep")).folder.rglob("*.nc")
+    slow = vg.open(file)["rays"].to_dataset()
+    xr.testing.assert_equal(read_point(file)["rays"], slow[[v for v in slow.data_vars if slow[v].dtype.kind in "fiu"]])
+    file.write_bytes(file.read_bytes()[:1000])
+    with pytest.raises(FileFormatError, match="computed again"):
+        read_point(file)

@@ -1,0 +1,12 @@
+"""Sweeps: one scene, many values of its keys, every finished point stored at once and never computed again.
+
+>>> from vgonio.studies import load_study, sweep
+>>> tree = sweep("study.toml")
+"""
+
+from .gathering import gather
+from .store import Store
+from .study import Study, load_study
+from .sweeping import sweep
+
+__all__ = ["Store", "Study", "gather", "load_study", "sweep"]

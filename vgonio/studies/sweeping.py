@@ -1,0 +1,166 @@
+"""A sweep on Dask: points go to workers, each stores its own result at once, the scheduler carries names only."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .. import __version__
+from ..errors import BackendError, InputError, VgonioError, whole
+from .gathering import gather
+from .store import Store
+from .study import Study, content_key, load_study
+from .worker import compute
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from ..scene import Scene
+
+# (points that have ended, points in all)
+Progress = Callable[[int, int], None]
+IN_FLIGHT = 4  # points a thread: enough to keep it busy, few enough for the scheduler to hold in memory
+# after so many workers died under a point it is the point that kills them
+DEATHS = 3
+
+
+def sweep(
+    study: str | os.PathLike[str] | Mapping[str, Any] | Study,
+    folder: str | os.PathLike[str] | None = None,
+    *,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    retry: bool = False,
+    progress: Progress | None = None,
+) -> xr.DataTree:
+    """Compute the points of a study that are not stored yet, and return all of them as one tree over the swept dims.
+
+    folder : where points are stored, by default <study>.sweep beside the file; all workers have to see it
+    scheduler : address of a Dask scheduler ("tcp://…"); without it a LocalCluster of `workers` processes of one thread
+    retry : also points whose input was refused before (those that the machine failed are always tried again)
+    progress : called as progress(points that have ended, points in all)
+
+    A point that fails is recorded with its reason and stops nothing. Killed workers or a killed run lose what was in
+    flight; running again goes on. Raises InputError and FileFormatError for a bad study, BackendError without Dask or
+    where the scheduler does not answer.
+    """
+    made = study if isinstance(study, Study) else load_study(study)
+    store = Store.made(folder if folder is not None else default_folder(study))
+    tell = progress or (lambda ended, points: None)
+    ended = 0
+
+    def one_more() -> None:
+        nonlocal ended
+        ended += 1
+        tell(ended, len(made))
+
+    todo = _todo(made, store, retry, one_more)
+    first = next(todo, None)
+    if first is not None:
+        with _client(scheduler, workers, len(made)) as client:
+            _compute_all(client, store, first, todo, one_more)
+    return gather(made, store)
+
+
+def default_folder(study: Any) -> Path:
+    if not isinstance(study, (str, os.PathLike)):
+        raise InputError("a study that is no file needs a folder for its points")
+    return Path(study).with_suffix(".sweep")
+
+
+Point = tuple[str, "Scene", dict[str, Any]]
+
+
+def _todo(study: Study, store: Store, retry: bool, ended: Callable[[], None]) -> Iterator[Point]:
+    """Points that have to be computed; the others, and those whose scene is refused, have ended already."""
+    for values in study.values():
+        key, scene = "", None
+        try:
+            scene = study.point(values)
+            key = content_key(scene)
+        except VgonioError:
+            ended()  # refused: the reason is found again when the results are gathered
+            continue
+        failed = store.why_failed(key)
+        if store.has(key) or (failed is not None and failed["kind"] == "input" and not retry):
+            ended()
+        else:
+            yield key, scene, values
+
+
+@contextmanager
+def _client(scheduler: str | None, workers: int | None, points: int) -> Iterator[Any]:
+    try:
+        import distributed
+    except ModuleNotFoundError:
+        raise BackendError("a sweep needs Dask: pip install 'vgonio[sweep]'") from None
+    import dask
+
+    with dask.config.set({"distributed.scheduler.allowed-failures": DEATHS}):
+        if scheduler is not None:
+            try:
+                client = distributed.Client(scheduler, timeout=10)
+            except (OSError, ValueError) as e:
+                raise BackendError(f"no Dask scheduler answers at {scheduler!r}: {e or type(e).__name__}") from None
+            with client:
+                yield client
+            return
+        count = min(points, whole("workers", workers if workers is not None else os.cpu_count() or 1, 1))
+        with (
+            distributed.LocalCluster(
+                n_workers=count,
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address=None,
+                silence_logs=50,
+                preload=["vgonio.studies.worker"],
+            ) as cluster,
+            distributed.Client(cluster) as client,
+        ):
+            yield client
+
+
+def _compute_all(client: Any, store: Store, first: Point, todo: Iterator[Point], ended: Callable[[], None]) -> None:
+    """A window of points slides over the study, so that neither memory nor scheduler ever holds all of them."""
+    from distributed import as_completed
+
+    points: dict[str, Point] = {}
+
+    def submit(point: Point) -> Any:
+        key, scene, values = point
+        points[key] = point
+        return client.submit(compute, scene, key, values, store, __version__, key=f"point-{key}", pure=False)
+
+    running = as_completed([submit(first)])
+    try:
+        for point in todo:
+            if point[0] in points:  # two values that mean the same
+                ended()
+                continue
+            running.add(submit(point))
+            while running.count() >= _window(client):
+                _one_ended(running, store, points)
+                ended()
+        while running.count():
+            _one_ended(running, store, points)
+            ended()
+    except KeyboardInterrupt as interrupt:
+        client.cancel(list(running.futures))
+        interrupt.add_note(f"finished points are kept in {store.folder}; the same command goes on from there")
+        raise
+
+
+def _window(client: Any) -> int:
+    threads = sum(client.nthreads().values())
+    return IN_FLIGHT * max(1, threads)
+
+
+def _one_ended(running: Any, store: Store, points: dict[str, Point]) -> None:
+    future = next(running)
+    key, _, values = points.pop(future.key.removeprefix("point-"))
+    if future.status != "finished":
+        reason = future.exception() if future.status == "error" else future.status
+        store.fail(key, f"the worker was lost: {type(reason).__name__}: {reason}", "machine", values)
