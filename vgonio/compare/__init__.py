@@ -8,8 +8,9 @@ from .comparison import compare
 from .fit_files import evaluate_fit, fit_parameters, open_fit, save_fit
 from .metrics import align, nrmse, nse, rmse
 from .model_fit import fit_model
-from .shift import fit_global_shift, fit_local_shift
+from .shift import fit_global_shift, fit_local_shift, fitted_spectra
 from .summary import summary
+from .two_shift_fit import fit_two_shifts, single_share
 
 __all__ = [
     "align",
@@ -20,12 +21,15 @@ __all__ = [
     "fit_local_shift",
     "fit_model",
     "fit_parameters",
+    "fit_two_shifts",
+    "fitted_spectra",
     "nrmse",
     "nse",
     "open_fit",
     "rgb_map",
     "rmse",
     "save_fit",
+    "single_share",
     "summary",
     "xyz",
 ]

@@ -24,8 +24,9 @@ class Spectra:
 
     offset (n_λ,) : λ − λ_n, nm;  values (n, n_λ) : f/f(λ_n), 0 where not valid;  log_fresnel (n, n_λ) : ln F/F(λ_n)
     weight (n, n_λ) : 1/σ² of `values` relative to the median, 1 where σ is unknown, 0 where not valid or at λ_n itself
-    anchor_variance (n,) : variance of the relative error of f(λ_n) in units of 1/weight;  theta_m (n,) : radians
-    used (n,) : f(λ_n) positive and known
+    anchor_variance (n,) : variance of the relative error of f(λ_n) in units of 1/weight
+    theta_m, theta_d (n,) : half vector to the normal, light to the half vector, radians
+    used (n,) : f(λ_n) positive and known;  scale (n,) : f(λ_n), 1 where not used
     """
 
     offset: Floats
@@ -34,7 +35,9 @@ class Spectra:
     weight: Floats
     anchor_variance: Floats
     theta_m: Floats
+    theta_d: Floats
     used: NDArray[np.bool_]
+    scale: Floats
     grid: xr.Dataset
 
     def on_grid(self, values: Floats) -> xr.DataArray:
@@ -45,14 +48,26 @@ class Spectra:
         return xr.DataArray(values.reshape(shape), coords, dims)
 
 
-def normalised_spectra(data: xr.Dataset, reflector: str | Material | None, wavelength_n: float) -> Spectra:
+def normalised_spectra(
+    data: xr.Dataset,
+    reflector: str | Material | None,
+    wavelength_n: float,
+    wavelength_range: tuple[float, float] | None = None,
+) -> Spectra:
     """Prepare a BRDF for the fits; F is taken at the half-vector angle, 1 where `reflector` is None.
+
+    wavelength_range : in nm, both ends included, what is outside is not used; None is all.
 
     Raises InputError for fewer than three wavelengths or λ_n outside them, MaterialError outside the material's table.
     """
     dim = detector_dim(check(data))
     data = data.sortby("wavelength").transpose(..., "theta_i", dim, "wavelength")
     w = data["wavelength"].values
+    if wavelength_range is not None:
+        data = data.isel(
+            wavelength=np.flatnonzero((w >= wavelength_range[0] - 1e-6) & (w <= wavelength_range[1] + 1e-6))
+        )
+        w = data["wavelength"].values
     if w.size < 3:
         raise InputError(
             f"a linear shift needs at least 3 wavelengths, got {w.size} ({', '.join(f'{v:g}' for v in w)} nm)"
@@ -75,7 +90,9 @@ def normalised_spectra(data: xr.Dataset, reflector: str | Material | None, wavel
         np.where(valid, 1.0 / variances, 0.0),
         _at_anchor(variances, w, wavelength_n),
         theta_m,
+        theta_d,
         used,
+        scale,
         data,
     )
 
