@@ -16,7 +16,7 @@ from ..errors import InputError, VgonioWarning
 from ..surface.heightfield import Heightfield
 from ..surface.mesh import KEPT_FACETS, Mesh, mesh, profile_once
 from .threads import in_order
-from .trace import Paths, Tracer, ahead, dot, trace
+from .trace import Paths, Tracer, ahead, dot, next_facet, trace
 from .tracers import TRACERS
 
 Floats = NDArray[np.float64]
@@ -189,3 +189,46 @@ class ParallelBeam:
             mesh.planes(np.zeros(1, np.int64)), mesh.steepest  # before several threads ask for them
             chunks = [(np.arange(a, min(a + CHUNK, self.facets)),) for a in range(0, self.facets, CHUNK)]
             self._fates = np.concatenate(list(in_order(pool, self._fate, chunks)))
+
+    def footprint(self, facet: NDArray) -> Floats:
+        """(n,) areas of facets (n,) as the light sees them, over the beam's cross-section."""
+        x0, x1, y0, y1 = self.area
+        corner, second, third = self.scene.mesh.corners(facet)
+        # the flat area vector: half the cross product points along the normal
+        across = -dot(np.cross(second - corner, third - corner), self.direction) / 2
+        return across / -self.direction[2] / ((x1 - x0) * (y1 - y0))
+
+    def points_on(self, facet: NDArray, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """(n, 3) points drawn uniformly on facets (n,), and where a ray that leaves them starts."""
+        a, b, c = self.scene.mesh.corners(facet)
+        u, v = rng.random((2, len(facet), 1))
+        over = u + v > 1
+        u, v = np.where(over, 1 - u, u), np.where(over, 1 - v, v)
+        point = a + u * (b - a) + v * (c - a)
+        return point, ahead(point, self.scene.mesh.lift, self.scene.mesh.planes(facet)[0])
+
+    def lit(self, point: Floats) -> NDArray[np.bool_]:
+        """(n,) whether light gets to points (n, 3) that lie a little above the surface."""
+        ok = self.in_area(point)
+        at = np.flatnonzero(ok)
+        back = np.broadcast_to(-self.direction, (len(at), 3))
+        ok[at] = next_facet(self.scene.mesh, self.scene.tracer, point[at], back)[2]
+        return ok
+
+    def in_area(self, point: Floats) -> NDArray[np.bool_]:
+        """(n,) whether light through the points (n, 3) started inside the beam's area at the top of the mesh."""
+        if self.scene.mesh.period is not None:
+            return np.ones(len(point), bool)
+        x0, x1, y0, y1 = self.area
+        up = (self.scene.mesh.z_range[1] - point[:, 2]) / self.direction[2]
+        x, y = point[:, 0] + up * self.direction[0], point[:, 1] + up * self.direction[1]
+        return (x >= x0) & (x < x1) & (y >= y0) & (y < y1)
+
+    def lies_inside(self, facet: NDArray) -> NDArray[np.bool_]:
+        """(n,) facets that lie in the beam as a whole."""
+        return np.logical_and.reduce([self.in_area(corner) for corner in self.scene.mesh.corners(facet)])
+
+    def covers(self, facet: NDArray) -> NDArray[np.bool_]:
+        """(n,) facets that count: of a periodic mesh those in its box, of a finite one all."""
+        mesh = self.scene.mesh
+        return np.ones(len(facet), bool) if mesh.period is None else mesh.in_box(facet)

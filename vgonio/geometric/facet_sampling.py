@@ -56,15 +56,12 @@ class FacetSampling:
             _, away, cos_i = beam.reflected(f)
             # what goes down was caught by no element, but a cone at the horizon reaches below it
             ray, element = detector.catch(away)
-            ok = (fate[ray] != BEHIND) & (away[ray, 2] > 0) & _covers(beam, f[ray])
+            ok = (fate[ray] != BEHIND) & (away[ray, 2] > 0) & beam.covers(f[ray])
             parts.append((f[ray[ok]], element[ok], cos_i[ray[ok]], fate[ray[ok]] == FREE))
         pair, element, cos_i, free = (np.concatenate(p) for p in zip(*parts))
         facet, first, which = np.unique(pair, return_index=True, return_inverse=True)
-        x0, x1, y0, y1 = beam.area
-        corner, second, third = mesh.corners(facet)
-        area = 0.5 * np.linalg.norm(np.cross(second - corner, third - corner), axis=1)
-        share = area * cos_i[first] / -beam.direction[2] / ((x1 - x0) * (y1 - y0))
-        exact = free[first] & mesh.unstoppable(-beam.direction[None])[0] & _inside(beam, facet)
+        share = beam.footprint(facet)
+        exact = free[first] & mesh.unstoppable(-beam.direction[None])[0] & beam.lies_inside(facet)
         # equal numbers of points for every element: a facet of several elements gets the most that one asks for
         member = sp.csr_array((np.ones(len(pair)), (element, which)), shape=(len(detector), len(facet)))
         open_share = np.where(exact, 0.0, share)
@@ -101,16 +98,10 @@ class FacetSampling:
     def _pass(self, facet: Ints, rng: np.random.Generator) -> NDArray[np.bool_]:
         """(n,) whether a point drawn on each facet is lit and its reflection escapes."""
         scene, beam = self.beam.scene, self.beam
-        a, b, c = scene.mesh.corners(facet)
-        u, v = rng.random((2, len(facet), 1))
-        over = u + v > 1
-        u, v = np.where(over, 1 - u, u), np.where(over, 1 - v, v)
-        normal, away, _ = beam.reflected(facet)
-        point = a + u * (b - a) + v * (c - a) + scene.mesh.lift * normal
-        ok = _in_area(beam, point)
-        for direction in (np.broadcast_to(-beam.direction, point.shape), away):
-            at = np.flatnonzero(ok)
-            ok[at] = next_facet(scene.mesh, scene.tracer, point[at], direction[at])[2]
+        _, point = beam.points_on(facet, rng)
+        ok = beam.lit(point)
+        at = np.flatnonzero(ok)
+        ok[at] = next_facet(scene.mesh, scene.tracer, point[at], beam.reflected(facet[at])[1])[2]
         return ok
 
     def weights(self) -> tuple[Floats, Floats]:
@@ -132,30 +123,3 @@ class FacetSampling:
             k = lit[a : a + CHUNK]
             into += sort(single_paths(self.beam, self.facet[k], weight[k] * rays, variance[k] * rays**2))
         return into
-
-
-def _in_area(beam: ParallelBeam, point: Floats) -> NDArray[np.bool_]:
-    """(n,) whether light through the points (n, 3) started inside the beam's area at the top of the mesh."""
-    if beam.scene.mesh.period is not None:
-        return np.ones(len(point), bool)
-    x0, x1, y0, y1 = beam.area
-    up = (beam.scene.mesh.z_range[1] - point[:, 2]) / beam.direction[2]
-    x, y = point[:, 0] + up * beam.direction[0], point[:, 1] + up * beam.direction[1]
-    return (x >= x0) & (x < x1) & (y >= y0) & (y < y1)
-
-
-def _inside(beam: ParallelBeam, facet: Ints) -> NDArray[np.bool_]:
-    """(n,) facets that lie in the beam as a whole."""
-    return np.logical_and.reduce([_in_area(beam, corner) for corner in beam.scene.mesh.corners(facet)])
-
-
-def _covers(beam: ParallelBeam, facet: Ints) -> NDArray[np.bool_]:
-    """(n,) facets that count: of a periodic mesh those whose middle lies in the box, the overlap belongs to the other
-    side; of a finite one all."""
-    mesh = beam.scene.mesh
-    if mesh.period is None:
-        return np.ones(len(facet), bool)
-    x0, x1, y0, y1 = mesh.box
-    corners = np.stack(mesh.corners(facet))[..., :2]
-    x, y = ((corners.min(axis=0) + corners.max(axis=0)) / 2).T
-    return (x >= x0) & (x < x1) & (y >= y0) & (y < y1)

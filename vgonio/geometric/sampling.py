@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..directions import Detector, Incoming
+from ..surface.mesh import KEPT_FACETS
 from .beam import ParallelBeam, Scene, Strip
 from .facet_sampling import FacetSampling
 from .singles import Counts, Sort, count_batch, sorted_counts
+from .starters import Starters
 from .tally import Tally
 from .threads import in_order, workers
 
@@ -63,24 +65,24 @@ def sample_angle(
         work = run(scene, incoming, i, detector, settings, sort, pool, rng)
         if settings.tol is None:
             work.more(settings.rays, -(-settings.rays // POINTS_BESIDE_RAYS))
-            return work.result(), work.estimator, work.points
+            return work.result(), work.estimator, work.work
         pilot = min(settings.rays, BATCH)
         work.more(pilot, pilot)
         while True:
             total = work.result()
-            rays, points = needed(total, work.points, settings.tol)
+            rays, points = needed(total, work.by_points, work.points, settings.tol)
             # what is missing, within the cap; a first look that says "many times more" is not believed at once
             rays = min(rays, 16 * work.rays, settings.rays)
             points = min(points, 16 * max(work.points, 1), settings.rays)
             if relative_error(total) <= settings.tol or (rays <= work.rays and points <= work.points):
-                return total, work.estimator, work.points
+                return total, work.estimator, work.work
             work.more(max(rays - work.rays, 0), max(points - work.points, 0))
 
 
 class _Divergent:
     """Rays one by one: every facet reflects into many directions."""
 
-    estimator, points = "binning", 0
+    estimator, points, work = "binning", 0, 0  # points on facets; all casts of them that were tried
 
     def __init__(
         self,
@@ -96,6 +98,7 @@ class _Divergent:
         self.scene, self.incoming, self.i, self.detector = scene, incoming, i, detector
         self.settings, self.sort, self.pool, self.rng = settings, sort, pool, rng
         self.total, self.rays = settings.empty(detector), 0
+        self.by_points = np.zeros((len(detector), settings.wavelengths))
 
     def _batch(self, strips: list[Strip], rng: np.random.Generator) -> Tally:
         out = self.settings.empty(self.detector)
@@ -125,6 +128,7 @@ class _Parallel(_Divergent):
         self.counts = Counts(self.beam.facets, self.settings.rays)
         self.beam.prepare(self.pool)
         self.facets = self._facet_sampling()
+        self.starters: Starters | None = None
         self.estimator = "binning" if self.facets is None else "facets"
 
     def _facet_sampling(self) -> FacetSampling | None:
@@ -136,45 +140,72 @@ class _Parallel(_Divergent):
             return None
         return FacetSampling.of(self.beam, self.detector)
 
+    def _find_starters(self) -> None:
+        """Sort out the starters, once there are more rays to trace than facets to look at; then all begins anew."""
+        found = Starters.of(self.beam, self.detector, self.settings.empty(self.detector), self.pool)
+        self.starters = found
+        if len(found.facet) and self.rays:
+            self.counts = Counts(self.beam.facets, self.settings.rays)
+            self.total, self.rays = self.settings.empty(self.detector), 0
+
     @property
     def points(self) -> int:  # type: ignore[override]
-        return 0 if self.facets is None else self.facets.points
+        """On facets and on starters each; the more of both."""
+        return max(self._points())
+
+    @property
+    def work(self) -> int:  # type: ignore[override]
+        return sum(self._points())
+
+    def _points(self) -> tuple[int, int]:
+        return self.facets.points if self.facets else 0, self.starters.points if self.starters else 0
 
     def _batch(self, strips: list[Strip], rng: np.random.Generator) -> Tally:
         out = self.settings.empty(self.detector)
         at_once, most = self.settings.at_once, self.settings.max_bounces
-        for paths in count_batch(self.beam, self.counts, strips, rng, most, at_once):
+        apart = None if self.starters is None else self.starters.apart
+        for paths in count_batch(self.beam, self.counts, strips, rng, most, at_once, apart):
             out += self.sort(paths)
         return out
 
     def more(self, rays: int, points: int) -> None:
+        few = self.beam.facets <= min(2 * rays, KEPT_FACETS)
+        if self.facets is not None and self.starters is None and few:
+            self._find_starters()
         super().more(rays, 0)
         if self.facets is not None and points:
             self.facets.sample(points, self.rng, self.pool)
+        if self.starters is not None and points:
+            most, at_once = self.settings.max_bounces, self.settings.at_once
+            self.starters.sample(points, most, at_once, self.sort, self.rng, self.pool)
 
     def result(self) -> Tally:
         singles = sorted_counts(self.beam, self.counts, self.sort, self.settings.empty(self.detector), self.pool)
         if self.facets is not None:
             better = self.facets.add_to(self.sort, self.settings.empty(self.detector), self.rays)
+            if self.starters is not None:
+                self.starters.add_to(better, self.rays)
+            self.by_points = better.caught_variance.sum(axis=0)
             for name in ("caught", "caught_variance", "mueller", "mueller_variance"):
                 setattr(singles, name, getattr(better, name))
         singles += self.total
         return singles
 
 
-def needed(total: Tally, points: int, tol: float) -> tuple[int, int]:
+def needed(total: Tally, by_points: Floats, points: int, tol: float) -> tuple[int, int]:
     """Rays and points altogether that bring every element that counts to `tol`, at the least cost.
 
-    The variance is that of rays, a, and of points, b; with n rays and m points it is a·(rays/n) + b·(points/m).
+    The variance is that of rays, a, and of points, b = `by_points` (element, w); with n rays and m points it is
+    a·(rays/n) + b·(points/m).
     """
     power = total.caught.sum(axis=0)
     counts = that_count(power)
     if not counts.any():
         return 1 << 62, 1 << 62
     allowed = (tol * power[counts]) ** 2 / MARGIN
-    by_points = total.caught_variance[0][counts] if points else 0.0
-    by_rays = total.caught_variance.sum(axis=0)[counts] - by_points
-    a, b = by_rays / allowed * total.rays, by_points / allowed * points
+    of_points = by_points[counts]
+    of_rays = total.caught_variance.sum(axis=0)[counts] - of_points
+    a, b = of_rays / allowed * total.rays, of_points / allowed * points
     if points == 0:
         return int(np.ceil(a.max())), 0
     ratio = np.geomspace(1e-3, 1e3, 61)[:, None]  # points per ray

@@ -54,10 +54,12 @@ def count_batch(
     rng: np.random.Generator,
     max_bounces: int,
     at_once: int = 1 << 16,
+    apart: NDArray[np.bool_] | None = None,
 ) -> Iterator[Paths]:
     """Cast the rays of some strips, one after the other, and count the single reflections.
 
-    What comes are the paths of two and more reflections, those of all strips together, `at_once` at a time.
+    What comes are the paths of two and more reflections, those of all strips together, `at_once` at a time; those that
+    start on facets `apart` do not count for the detector.
     """
     found = [_count_strip(beam, counts, strip, rng, max_bounces) for strip in strips]
     first, point, second, beyond = (np.concatenate(part) for part in zip(*found))
@@ -67,6 +69,7 @@ def count_batch(
         known: list[Step] = [(first[part], point[part], still), (second[part], beyond[part], still)]
         paths = _trace(beam, point[part], known, max_bounces)
         paths.of_rays = sum(strip.rays for strip in strips)
+        paths.counted = None if apart is None else ~apart[first[part]]
         yield paths
 
 

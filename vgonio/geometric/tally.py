@@ -73,6 +73,8 @@ def tally(
         return out
     ray, element = detector.catch(paths.direction)
     use = paths.escaped[ray] & (paths.bounces[ray] > 0)
+    if paths.counted is not None:
+        use &= paths.counted[ray]
     ray, element = ray[use], element[use]
 
     # one reflection: sums over the table's nodes; wavelengths enter last

@@ -53,6 +53,7 @@ class Paths:
     hits: list[Hits] = field(default_factory=list)
     weight: Floats | None = None  # (n,) how many rays took this path; None: one each
     variance: Floats | None = None  # (n,) variance of that number; None: independent rays
+    counted: NDArray[np.bool_] | None = None  # (n,) counts for the detector; None: all
     of_rays: int | None = None  # out of how many independent rays these are, where the others are counted elsewhere
 
 

@@ -52,6 +52,13 @@ class Mesh:
         a, b, c = (self.vertices[self.faces[facet, i]] for i in range(3))
         return a, b, c
 
+    def in_box(self, facet: NDArray) -> NDArray[np.bool_]:
+        """(n,) whether facets (n,) lie in the box, as their middle does; what overlaps it belongs to the other side."""
+        x0, x1, y0, y1 = self.box
+        corners = np.stack(self.corners(facet))[..., :2]
+        x, y = ((corners.min(axis=0) + corners.max(axis=0)) / 2).T
+        return (x >= x0) & (x < x1) & (y >= y0) & (y < y1)
+
     def _planes(self, facet: NDArray | slice) -> tuple[Floats, Floats]:
         a, b, c = self.corners(facet)
         u, v = (b - a).T, (c - a).T
