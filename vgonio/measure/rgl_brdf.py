@@ -135,11 +135,12 @@ def evaluator(fields: dict[str, NDArray[Any]], wavelength: Floats, spectra: NDAr
     folds = 1 if isotropic else int(np.rint(2 * np.pi / max(phi[-1] - phi[0], 1e-6)))
 
     def values(wi: Floats, wo: Floats) -> Floats:
-        wi, wo = _turned(wi, wo) if isotropic else _folded(wi, wo, folds)
+        if not isotropic:
+            wi, wo = _folded(wi, wo, folds)
         h = half_vectors(wi, wo)
         theta_i, phi_i = np.arccos(np.clip(wi[:, 2], -1, 1)), np.arctan2(wi[:, 1], wi[:, 0])
         x = theta_to_unit(np.arccos(np.clip(h[:, 2], -1, 1)))
-        y = (np.arctan2(h[:, 1], h[:, 0]) + np.pi) / (2 * np.pi) % 1.0
+        y = (np.arctan2(h[:, 1], h[:, 0]) - (phi_i if isotropic else 0.0) + np.pi) / (2 * np.pi) % 1.0
         which, weights = _neighbours(phi, theta, phi_i, theta_i)
         s1, s2 = warp.invert(x, y, which, weights)
         found = _spectra(table, s1, s2, which, weights)
@@ -169,14 +170,6 @@ def _check(fields: dict[str, NDArray[Any]], spectra: NDArray[Any], wavelength: F
         raise FileFormatError(f"{where}: theta_i and phi_i have to ascend")
     if not np.all(np.isfinite(spectra)) or not (np.all(fields["ndf"] >= 0) and np.all(fields["sigma"] > 0)):
         raise FileFormatError(f"{where}: spectra, ndf or sigma hold values that are not finite or not positive")
-
-
-def _turned(wi: Floats, wo: Floats) -> tuple[Floats, Floats]:
-    """The pair turned about the normal until the light comes from azimuth 0."""
-    phi = np.arctan2(wi[:, 1], wi[:, 0])
-    c, s = np.cos(phi), np.sin(phi)
-    turn = [np.stack([w[:, 0] * c + w[:, 1] * s, w[:, 1] * c - w[:, 0] * s, w[:, 2]], axis=1) for w in (wi, wo)]
-    return turn[0], turn[1]
 
 
 def _folded(wi: Floats, wo: Floats, folds: int) -> tuple[Floats, Floats]:

@@ -133,8 +133,8 @@ def write(dataset: xr.Dataset, path: str | os.PathLike[str], format: str | None 
 
     Returns the path. Options are those of the format's `write`; MERL, RGL and Zemax need `fill` for in-plane data,
     which says what other azimuths are. `.bsdf` is RGL unless format="zemax". Raises InputError for a format that is
-    unknown or only read, an unknown option, or a dataset that it cannot hold, FileFormatError where the folder cannot be
-    written.
+    unknown or only read, an unknown option, or a dataset that it cannot hold, FileFormatError where the folder cannot
+    be written.
     """
     path = Path(path)
     writable = {name: entry for name, entry in FORMATS.items() if entry.write}

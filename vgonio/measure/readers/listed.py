@@ -76,9 +76,9 @@ def from_rows(
     index = pair.ravel() * axis.size + np.searchsorted(axis, np.round(wavelength, 9))
     if repairs.duplicates == "error" and np.unique(index).size < index.size:
         k = np.flatnonzero(np.bincount(index) > 1)[0]
-        i, _, o, _ = pairs[k // axis.size]
+        i, _, o, phi = pairs[k // axis.size]
         raise FileFormatError(
-            f"{where}: the pair θ_i = {i:g}°, θ_o = {o:g}° appears twice at {axis[k % axis.size]:g} nm; "
+            f"{where}: the pair θ_i = {i:g}°, θ_o = {o:g}°, φ_o = {phi:g}° appears twice at {axis[k % axis.size]:g} nm; "
             "duplicates='mean' or 'first' merges"
         )
     place, values, errors = checks.once(

@@ -19,15 +19,14 @@ from ...directions import angle_list, unit_vectors
 from ...errors import InputError, whole
 from ...units import radians
 from .. import tensor_file
-from ..isotropic import LOWEST_COS, IsotropicBrdf, isotropic
+from ..hemisphere import LOWEST_COS
+from ..isotropic import IsotropicBrdf, isotropic, lobe_roughness, visible_area
 from ..rgl_brdf import Warp, bilinear, theta_to_unit, unit_to_theta
 
 Floats = NDArray[np.float64]
 THETA_I_DEG = (0, 5, 10, 15, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 75, 80, 85, 89)
 UNIFORM_SHARE = 0.1
 NORMALS = (64, 128)  # azimuths and polar angles of the tables of normals
-# where D of GGX is half of its value at the normal: tan θ = 0.6436 α
-HALF_WIDTH = np.sqrt(np.sqrt(2) - 1)
 MOST_VALUES = 2**28
 
 
@@ -57,7 +56,7 @@ def write(
         raise InputError(
             f"{theta_i.size} angles × {brdf.wavelength.size} wavelengths × {n}² samples: choose a smaller resolution"
         )
-    rough = _alpha(brdf) if alpha is None else float(alpha)
+    rough = lobe_roughness(brdf) if alpha is None else float(alpha)
     if not 0 < rough <= 2:
         raise InputError(f"alpha = {alpha!r}: a roughness between 0 and 2 is needed")
     text = description or f"{dataset.attrs.get('source', 'vgonio')}; {brdf.note}; alpha {rough:.3g}"
@@ -68,7 +67,7 @@ def _fields(brdf: IsotropicBrdf, theta_i: Floats, alpha: float, n: int, text: st
     u = np.linspace(0, 1, 512)
     theta = unit_to_theta(u)
     ndf = np.tile(_ggx(np.cos(theta), alpha), (2, 1)).astype(np.float32)
-    sigma = np.tile(_visible(np.cos(theta), alpha), (2, 1)).astype(np.float32)
+    sigma = np.tile(visible_area(np.cos(theta), alpha), (2, 1)).astype(np.float32)
     vndf = np.stack([_normals(t, alpha) for t in theta_i]).astype(np.float32)
     warp = Warp.of(vndf.astype(float))
     s = np.linspace(0, 1, n)
@@ -131,24 +130,10 @@ def _normals(theta_i: float, alpha: float) -> Floats:
     m = unit_vectors(theta, (2 * y - 1) * np.pi)
     seen = np.maximum(m @ unit_vectors(theta_i), 0) * _ggx(np.cos(theta), alpha) * area
     uniform = np.cos(theta) * area / np.pi
-    return seen / _visible(np.cos(theta_i), alpha) + UNIFORM_SHARE * (uniform + 0.1)
+    return seen / visible_area(np.cos(theta_i), alpha) + UNIFORM_SHARE * (uniform + 0.1)
 
 
 def _ggx(cos: Floats, alpha: float) -> Floats:
     """D of Walter 2007; not below 10⁻⁴ of a Lambertian's, since it is divided by."""
     d = alpha**2 / (np.pi * (cos**2 * (alpha**2 - 1) + 1) ** 2)
     return d + 1e-4 / np.pi
-
-
-def _visible(cos: Floats | float, alpha: float) -> Floats:
-    """Projected area of the facets of GGX seen from cos θ: cos θ / G1."""
-    return 0.5 * (np.asarray(cos) + np.sqrt(np.asarray(cos) ** 2 * (1 - alpha**2) + alpha**2))
-
-
-def _alpha(brdf: IsotropicBrdf) -> float:
-    """Roughness of the GGX lobe that is as wide at half its height as the BRDF at normal incidence, 0.02 … 1."""
-    theta_h = np.linspace(0, radians(44), 177)
-    wi = np.tile(unit_vectors(0.0), (theta_h.size, 1))
-    f = np.nanmean(brdf(wi, unit_vectors(2 * theta_h)), axis=1) * np.cos(2 * theta_h)
-    below = np.flatnonzero(f < 0.5 * f[0])
-    return float(np.clip(np.tan(theta_h[below[0]]) / HALF_WIDTH, 0.02, 1.0)) if below.size else 1.0

@@ -34,8 +34,8 @@ def write(
     """Write the isotropic BRDF of a dataset at one wavelength, PlaneSymmetrical; below the horizon it is 0.
 
     fill : for in-plane data, see `measure.isotropic.isotropic`;  wavelength_nm : one of the dataset's (within 0.5 nm),
-    to be given where it has several;  theta_i_deg : by default the dataset's;  azimuth_deg, radial_deg : about the mirror
-    direction. TIS is the share of the incident power that the table scatters.
+    to be given where it has several;  theta_i_deg : by default the dataset's;  azimuth_deg, radial_deg : about the
+    mirror direction. TIS is the share of the incident power that the table scatters.
     Raises InputError for in-plane data without `fill`, or a wavelength that is not there.
     """
     brdf = isotropic(dataset, fill)
