@@ -77,8 +77,12 @@ def test_v_groove(theta):
 def test_v_groove_returns_double_paths_antiparallel():
     gonio = Gonioreflectometer([20], [20], aperture_deg=0.2)
     data = gonio.measure(v_groove(), RayOptics("perfect", rays=20_000))
+    binned = gonio.measure(v_groove(), RayOptics("perfect", rays=20_000, estimator="binning"))
+    in_cone = binned.brdf_by_bounce.sel(bounce=2).item() * gonio.detector.projected_solid_angle[0]
+    assert np.isclose(in_cone, shares(binned)[0, 1], rtol=1e-9)
     caught = data.brdf_by_bounce.sel(bounce=2).item() * gonio.detector.projected_solid_angle[0]
-    assert np.isclose(caught, shares(data)[0, 1], rtol=1e-9)
+    # what leaves upward is counted by the rays alone, what is caught by points on facets as well
+    assert abs(caught - shares(data)[0, 1]) < 4 * np.sqrt(2 * 0.25 / 20_000)
     assert np.isclose(caught, 1 - np.tan(np.deg2rad(20)), atol=4 * np.sqrt(0.25 / 20_000))
 
 

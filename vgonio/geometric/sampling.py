@@ -21,7 +21,7 @@ from .threads import in_order, workers
 Floats = NDArray[np.float64]
 BATCH = 1 << 16  # rays of one batch: bounds the memory, and leaves the tracer its share of the cache
 ESTIMATORS = ("auto", "binning", "facets")
-PATHS_MEMORY, BYTES_OF_A_HIT = 1 << 26, 32  # of one thread
+PATHS_MEMORY, BYTES_OF_A_HIT = 1 << 27, 32  # of one thread
 MARGIN = 1.1  # more work than a pilot says, so that the next look is mostly the last
 POINTS_BESIDE_RAYS = 4  # without a tolerance: one point on a facet for so many rays
 CASTS_OF_A_POINT = 1.0  # of a ray's: two casts of which the one towards a high source is left out

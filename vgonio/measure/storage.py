@@ -86,7 +86,7 @@ def _loaded(path: Path) -> tuple[xr.DataTree | None, str]:
 def _require_json(attrs: dict[Any, Any], path: Path) -> None:
     for name in set(JSON_ATTRIBUTES) & set(attrs):
         try:
-            json.loads(attrs[name])
+            json.loads(str(attrs[name]))  # a dataset of its own has its seconds as a number
         except (TypeError, ValueError):
             raise FileFormatError(f"{path}: the attribute {name!r} is not JSON text: the file is damaged") from None
 
