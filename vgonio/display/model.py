@@ -144,8 +144,9 @@ class DisplayModel:
 def fit(readings: Readings) -> DisplayModel:
     """The display model of measured spectra: black, white, and a ramp of levels of each channel alone.
 
-    The spectrum of a primary is what all its levels have in common (first singular vector of the ramp above black), its
-    light the projection on that, so noise averages out. Repeated readings are averaged, other colours ignored.
+    The spectrum of a primary is that along which its levels differ (first principal component of the ramp), its light
+    the projection of what is above black on it, so noise averages out. Repeated readings are averaged, colours other
+    than black, white and the ramps ignored.
     Warns (VgonioWarning) of few levels, clipped or drowned levels, nearly parallel primaries and odd luminances.
     Raises InputError where black, white or a channel's levels are missing or give no light.
     """
@@ -167,7 +168,8 @@ def _channel(ramp: Readings, black: Floats, name: str) -> tuple[ToneCurve, Float
     level, above = ramp.rgb.max(axis=1), ramp.spectra - black
     if not np.any(level > 0):
         raise InputError(f"no reading of {name} alone: show rising levels of each channel with the others at 0")
-    common = np.linalg.svd(above, full_matrices=False)[2][0]
+    # centred: the noise of black, common to all levels, has no part in it
+    common = np.linalg.svd(above - above.mean(axis=0), full_matrices=False)[2][0]
     common = common * np.sign(above[level.argmax()] @ common)
     try:
         curve, top = tone_curve(level, above @ common)
@@ -193,7 +195,7 @@ def _notes(model: DisplayModel) -> list[str]:
             )
     if model.condition > LARGE_CONDITION:
         found.append(
-            f"the primaries are nearly parallel in XYZ (condition number {model.condition:.3g}; sRGB has 4): small "
+            f"the primaries are nearly parallel in XYZ (condition number {model.condition:.3g}; sRGB has 3): small "
             "errors become large in the signals"
         )
     luminance = model.white_xyz[1]

@@ -46,7 +46,7 @@ class ToneCurve:
     def __call__(self, signal: ArrayLike) -> Floats:
         """Linear light 0 … 1 of signals of any shape; signals are clipped to 0 … 1."""
         v = np.clip(np.asarray(signal, dtype=np.float64), 0.0, 1.0)
-        return np.clip(self._root(v), 0.0, 1.0) ** self.power
+        return np.where(v < 1, np.clip(self._root(v), 0.0, 1.0) ** self.power, 1.0)
 
     def inverse(self, light: ArrayLike) -> Floats:
         """Signal 0 … 1 that gives a linear light of any shape; light is clipped to 0 … 1. Bisection, to rounding."""
