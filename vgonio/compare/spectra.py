@@ -44,7 +44,7 @@ class Spectra:
         """(n,) values as an array over (theta_i, theta_o or cell)."""
         dims = ("theta_i", detector_dim(self.grid))
         shape = tuple(self.grid.sizes[d] for d in dims)
-        coords = {k: v for k, v in self.grid.coords.items() if "wavelength" not in v.dims}
+        coords = {k: v for k, v in self.grid.coords.items() if set(v.dims) <= set(dims)}
         return xr.DataArray(values.reshape(shape), coords, dims)
 
 

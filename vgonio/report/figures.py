@@ -5,20 +5,25 @@
 """
 
 from .brdf_figures import decomposition, energy, lobes, wave_energy
+from .fit_figures import beside_measured, explained, models_beside, shift_parts
 from .hemisphere_figures import polar_decomposition, polar_maps
 from .spectral_figures import delta_e_maps, rgb_maps, shift_slopes, spectra
 from .surface_figures import height_histogram, psd, slope_histogram, surface_map
 
 __all__ = [
+    "beside_measured",
     "decomposition",
     "delta_e_maps",
     "energy",
+    "explained",
     "height_histogram",
     "lobes",
+    "models_beside",
     "polar_decomposition",
     "polar_maps",
     "psd",
     "rgb_maps",
+    "shift_parts",
     "shift_slopes",
     "slope_histogram",
     "spectra",

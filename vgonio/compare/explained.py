@@ -1,0 +1,145 @@
+"""How much of a measured colour shift each explanation gives: rays, waves, the fitted function; and how surely."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..errors import InputError, VgonioError
+from ..materials import Material
+from ..models.clausen_2022 import WAVELENGTH_N_NM
+from .metrics import SAME_ANGLE_DEG, detector_dim
+from .shift import FEWEST_FOR_P, fit_global_shift, fit_local_shift
+
+Floats = NDArray[np.float64]
+SAMPLES = 400
+SIGNIFICANT = 3.0
+MULTIPLE = ("iterated", "full-wave")
+
+
+def kind_of(data: xr.Dataset) -> str:
+    """What an explanation is: "rays", "single-scatter waves", "multiple-scatter waves", "fitted model" or "other"."""
+    method, theory = str(data.attrs.get("method", "")), str(data.attrs.get("theory", ""))
+    if method in ("fit", "model"):
+        return "fitted model"
+    if theory or method == "waves":
+        several = any(word in theory for word in MULTIPLE) or int(data.attrs.get("bounces", 1) or 1) > 1
+        return "multiple-scatter waves" if several else "single-scatter waves"
+    return "rays" if "brdf_by_bounce" in data or "rays" in method or "ray" in method else "other"
+
+
+def explained_shares(
+    measured: xr.Dataset,
+    explanations: Mapping[str, xr.Dataset],
+    material: str | Material | None = "Al",
+    p: float | str = "fit",
+    wavelength_n: float = WAVELENGTH_N_NM,
+    seed: int = 0,
+) -> xr.Dataset:
+    """Share of the measured slopes m that each explanation predicts, and that of the global shift fitted to them.
+
+    share = 1 − Σ w (m − m_k)² / Σ w m², with w = 1/σ² of the measured slope; what the errors of both slopes alone would
+    give is subtracted from both sums, for the fit what its parameters follow. 1 is all, 0 what "no shift" explains,
+    negative worse than that. material, p, wavelength_n : as in `fit_local_shift`.
+    Returns over `explanation` (the names, then "global shift"): share, share_stderr (bootstrap over angles of
+    incidence, over spectra where there are fewer than five), chi2_reduced, slopes (how many), significance =
+    share/share_stderr; `kind`. What could not be fitted is left out and named in attrs["left_out"].
+    Raises InputError where the measurement has no usable spectra or no shift that exceeds its own errors.
+    """
+    if p == "fit" and measured.sizes["wavelength"] < FEWEST_FOR_P:
+        p = 1.0
+    own = fit_local_shift(measured, material, p, wavelength_n)
+    dim = detector_dim(measured)
+    left_out: dict[str, str] = {}
+    rows: list[dict[str, Any]] = []
+    for name, data in explanations.items():
+        try:
+            local = fit_local_shift(data, material, p, wavelength_n)
+            rows.append(
+                {"name": name, "kind": kind_of(data)} | _share(own, local["slope"], local["slope_stderr"], 0, seed)
+            )
+        except VgonioError as e:
+            left_out[name] = str(e)
+    try:
+        fit = fit_global_shift(measured, material, p, "fit", wavelength_n)
+        zero = xr.zeros_like(fit["slope_global"])
+        parameters = 3 + (fit.attrs["p"].startswith("fitted"))
+        rows.append(
+            {"name": "global shift", "kind": "empirical model"}
+            | _share(own, fit["slope_global"], zero, parameters, seed)
+        )
+    except VgonioError as e:
+        left_out["global shift"] = str(e)
+    if not rows:
+        raise InputError(f"nothing explains the shift: {'; '.join(f'{k}: {v}' for k, v in left_out.items())}")
+    return _assembled(rows, dim, left_out)
+
+
+def _assembled(rows: list[dict[str, Any]], dim: str, left_out: dict[str, str]) -> xr.Dataset:
+    texts = {
+        "share": "share of the measured slopes that is explained",
+        "share_stderr": "standard error of share",
+        "significance": "share over its standard error",
+        "chi2_reduced": "mean squared difference of the slopes in units of both errors",
+        "slopes": "pairs of directions with a slope in both",
+    }
+    names = [r["name"] for r in rows]
+    variables = {
+        k: ("explanation", np.array([r[k] for r in rows], float), {"units": "1", "long_name": text})
+        for k, text in texts.items()
+    }
+    one = {"units": "1", "long_name": "name of the explanation"}
+    kinds = ("explanation", [r["kind"] for r in rows], {"units": "1", "long_name": "kind of the explanation"})
+    return xr.Dataset(
+        variables,
+        coords={"explanation": ("explanation", names, one), "kind": kinds},
+        attrs={"method": "explained shares of the slope", "directions": dim, "left_out": str(left_out or "")},
+    )
+
+
+def _share(own: xr.Dataset, slope: xr.DataArray, stderr: xr.DataArray, parameters: int, seed: int) -> dict[str, float]:
+    dims = own["slope"].dims
+    other = xr.Dataset({"m": slope, "s": stderr})
+    coords = {d: own[d] for d in dims if d in own.coords}
+    other = other.reindex(coords, method="nearest", tolerance=SAME_ANGLE_DEG)
+    m, sigma = own["slope"].values, own["slope_stderr"].values
+    m_k, sigma_k = (other[k].transpose(*dims).values for k in ("m", "s"))
+    known = np.isfinite(m) & np.isfinite(m_k) & np.isfinite(sigma) & (sigma > 0)
+    if known.sum() < max(5, parameters + 2):
+        raise InputError(
+            f"{int(known.sum())} slopes in common with the measurement, {max(5, parameters + 2)} are needed"
+        )
+    row = np.broadcast_to(np.arange(m.shape[0])[:, None], m.shape)[known]
+    m, sigma, m_k, sigma_k = m[known], sigma[known], m_k[known], np.nan_to_num(sigma_k[known])
+    # a slope whose scatter is small by luck must not rule
+    sigma = np.maximum(sigma, 0.1 * np.median(sigma))
+    w = 1 / sigma**2
+    freedom = parameters / m.size
+    terms = np.stack([w * m**2 - 1, w * ((m - m_k) ** 2 - sigma_k**2) - (1 - freedom)], axis=1)
+    total = terms.sum(axis=0)
+    if total[0] <= 0:
+        raise InputError("the measured shift does not exceed its own errors: there is nothing to explain")
+    share = 1 - total[1] / total[0]
+    error = _bootstrap(terms, row, seed)
+    return {
+        "share": share,
+        "share_stderr": error,
+        "significance": share / error if error > 0 else np.inf,
+        "chi2_reduced": float(np.sum((m - m_k) ** 2 / (sigma**2 + sigma_k**2)) / max(m.size - parameters, 1)),
+        "slopes": m.size,
+    }
+
+
+def _bootstrap(terms: Floats, row: NDArray[np.intp], seed: int) -> float:
+    """Standard error of 1 − Σ rest / Σ total over clusters drawn with replacement."""
+    present = np.unique(row)
+    cluster = np.searchsorted(present, row) if present.size >= 5 else np.arange(len(terms))
+    count = int(cluster.max()) + 1
+    sums = np.stack([np.bincount(cluster, t, count) for t in terms.T], axis=1)
+    drawn = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), size=SAMPLES) @ sums
+    good = drawn[:, 0] > 0
+    return float(np.std(1 - drawn[good, 1] / drawn[good, 0], ddof=1)) if good.sum() > 1 else float("nan")

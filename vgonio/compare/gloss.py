@@ -1,0 +1,191 @@
+"""Specular gloss at 20°, 60°, 85° (ISO 2813) and reflection haze at 20° (ISO 13803) of a model or of in-plane data.
+
+Both are the luminous flux in a rectangular receptor over that of polished black glass of index 1.567, times 100. The
+source has the standard's image of 0.75° × 2.5°. Flux is weighted by V(λ) and D65 here (the standard: illuminant C; for
+spectra without sharp lines the difference is far below the 1 unit to which gloss is read).
+In-plane data say nothing beside the plane: there f is that of the in-plane direction with the same θ_m of the half
+vector, as for facets, once as it is and once times the ratio of the cosines of both directions (masked facets lie
+between). The mean of both is read, their difference is part of the error: small at 20°, considerable at 85°.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..dataset import ascending
+from ..directions import unit_vectors
+from ..errors import InputError
+from ..models import Geometry, brdf
+from ..models.cook_torrance_1982 import fresnel_dielectric
+from .fit_files import fit_parameters
+
+Floats = NDArray[np.float64]
+GLASS = 1.567
+SOURCE_DEG = (0.75, 2.5)
+# in the plane of measurement and across it, full angles (ISO 2813:2014, table 1)
+RECEPTORS_DEG = {20.0: (1.8, 3.6), 60.0: (4.4, 11.7), 85.0: (4.0, 6.0)}
+HAZE_OFFSET_DEG = 1.9  # ISO 13803: receptors of the 20° geometry at 18.1° and 21.9°
+NEAR_DEG = 0.5  # an angle of incidence this near the standard's is the same
+LARGEST_ERROR = 0.1
+Luminance = Callable[[Geometry], Floats]  # luminous mean of f in sr⁻¹ at pairs of directions
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What an instrument would show, and the numerical error of that (interpolation; 0 for a model)."""
+
+    value: float
+    error: float
+
+
+def luminous_weights(wavelength: Floats) -> Floats:
+    """(n_λ,) weights with sum 1: V(λ) times D65; one wavelength alone counts by itself."""
+    if wavelength.size == 1:
+        return np.ones(1)
+    from .colour import weights
+
+    y = weights(wavelength)[0][:, 1]
+    return y / y.sum()
+
+
+def of_model(model: str, wavelength: Floats, **parameters: Any) -> Luminance:
+    """Luminous f of a model of `models.table()`."""
+    w = luminous_weights(wavelength)
+    return lambda geometry: brdf(model, geometry, wavelength, **parameters) @ w
+
+
+def of_fit(fit: xr.Dataset) -> Luminance:
+    """Luminous f of a fitted model, at the wavelengths of the fit."""
+    return of_model(str(fit.attrs["model"]), fit["wavelength"].values, **fit_parameters(fit))
+
+
+def of_data(data: xr.Dataset, angle: float, every: int = 1, ratio: float = 0.0) -> Luminance:
+    """Luminous f of in-plane data at the angle of incidence nearest to `angle` degrees, from every n-th θ_o.
+
+    ratio : exponent of the ratio of cosines beside the plane. Raises InputError where the data are not in plane, lack
+    that angle, or hold fewer than three values there.
+    """
+    if "theta_o" not in data["brdf"].dims:
+        raise InputError("gloss needs in-plane data or a model: the cells of a hemisphere are wider than the receptor")
+    data = ascending(data)
+    offset = np.abs(data["theta_i"].values - angle)
+    if offset.min() > NEAR_DEG:
+        raise InputError(f"no angle of incidence of {angle:g}° (nearest: {data['theta_i'].values[offset.argmin()]:g}°)")
+    one = data.isel(theta_i=int(offset.argmin()))
+    spectra = one["brdf"].transpose("theta_o", "wavelength").values
+    f = spectra @ luminous_weights(data["wavelength"].values)
+    known = np.isfinite(f) & (f > 0)
+    theta, log_f = np.deg2rad(data["theta_o"].values[known]), np.log(f[known])
+    mirror = -np.deg2rad(angle)
+    # thinned outwards from the sample at the mirror direction, so that the peak is never lost by the choice
+    middle = int(np.abs(theta - mirror).argmin()) if theta.size else 0
+    kept = np.arange(theta.size) % every == middle % every
+    if kept.sum() < 3:
+        raise InputError(f"fewer than three values at an angle of incidence of {angle:g}°")
+
+    def luminance(geometry: Geometry) -> Floats:
+        wi = unit_vectors(geometry.theta_i, geometry.phi_i)
+        wo = unit_vectors(geometry.theta_o, geometry.phi_o)
+        dx, r = wi[..., 0] + wo[..., 0], geometry.sine_shift
+        c = np.divide(dx, r, out=np.ones_like(r), where=r > 0)
+        total = np.zeros(r.shape)
+        for side, share in ((1, (1 + c) / 2), (-1, (1 - c) / 2)):
+            other = np.clip(mirror + side * 2 * geometry.theta_m, -np.pi / 2, np.pi / 2)
+            # beyond the last angle, and below the horizon, the other side speaks for both
+            other = np.where((other < theta[0]) | (other > theta[-1]), mirror - side * 2 * geometry.theta_m, other)
+            value = np.exp(np.interp(other, theta[kept], log_f[kept]))
+            total += share * value * (np.maximum(np.cos(other), 0.0) / geometry.cos_o) ** ratio
+        return total
+
+    return luminance
+
+
+def reading(luminance: Luminance, angle: float, offset_deg: float = 0.0) -> float:
+    """Flux in the receptor of a geometry (turned by offset_deg in the plane) over that of black glass, times 100."""
+    theta = np.deg2rad(angle)
+    width = [np.tan(np.deg2rad(a) / 2) for a in RECEPTORS_DEG[angle]]
+    centre = np.deg2rad(-angle + offset_deg)
+    across = [np.tan(np.deg2rad(a) / 2) for a in SOURCE_DEG]
+    axis = _axes(theta)
+    flux = []
+    for x in (-0.6, 0.0, 0.6):  # a quadrature over the image of the source
+        for y in (-0.6, 0.0, 0.6):
+            source = _unit(axis @ np.array([x * across[0], y * across[1], 1.0]))
+            flux.append(_in_receptor(luminance, source, centre, width))
+    return 100 * float(np.mean(flux)) / float(fresnel_dielectric(np.cos(theta), GLASS))
+
+
+def _axes(theta: float) -> Floats:
+    """(3, 3) columns: in the plane, across it, and the direction of polar angle θ in the plane y = 0."""
+    return np.array([[np.cos(theta), 0, np.sin(theta)], [0, 1, 0], [-np.sin(theta), 0, np.cos(theta)]])
+
+
+def _unit(v: Floats) -> Floats:
+    return v / np.linalg.norm(v, axis=0)
+
+
+def _in_receptor(luminance: Luminance, source: Floats, centre: float, width: list[Any]) -> float:
+    """∫ f cos θ_o dω_o over the rectangle, in polar coordinates about the mirror image of the source where it is in
+    there, so that the peak of any lobe is resolved; about the centre otherwise."""
+    axis = _axes(centre)
+    mirror = axis.T @ (source * [-1, -1, 1])
+    x0, y0 = mirror[:2] / mirror[2]
+    inside = abs(x0) < width[0] and abs(y0) < width[1]
+    if not inside:
+        x0 = y0 = 0.0
+    t, dt = np.polynomial.legendre.leggauss(40)
+    t, dt = (t + 1) / 2, dt / 2
+    kappa = 7.0 if inside else 0.01
+    psi = (np.arange(96) + 0.5) / 96 * 2 * np.pi
+    c, s = np.cos(psi), np.sin(psi)
+    rim = np.minimum((np.sign(c) * width[0] - x0) / c, (np.sign(s) * width[1] - y0) / s)
+    r = rim[:, None] * np.expm1(kappa * t) / np.expm1(kappa)
+    weight = rim[:, None] * kappa * np.exp(kappa * t) / np.expm1(kappa) * dt * r * 2 * np.pi / psi.size
+    x, y = x0 + r * c[:, None], y0 + r * s[:, None]
+    wo = _unit(axis @ np.stack([x.ravel(), y.ravel(), np.ones(x.size)]))
+    above = wo[2] > 1e-6
+    solid = weight.ravel() / (1 + x.ravel() ** 2 + y.ravel() ** 2) ** 1.5
+    geometry = Geometry.of(
+        np.arccos(np.clip(source[2], -1, 1)),
+        np.arccos(np.clip(wo[2][above], -1, 1)),
+        np.arctan2(source[1], source[0]),
+        np.arctan2(wo[1][above], wo[0][above]),
+    )
+    return float(np.sum(luminance(geometry) * wo[2][above] * solid[above]))
+
+
+def gloss(data: xr.Dataset, angle: float) -> Reading:
+    """Specular gloss of ISO 2813 in gloss units at 20°, 60° or 85°, of in-plane data or of a fit (`fit_model`).
+
+    The error of data is what half of their angles change. Raises InputError for another angle, data that lack it, or
+    angles too coarse for their lobe (more than 10 % change).
+    """
+    if angle not in RECEPTORS_DEG:
+        raise InputError(f"gloss at {angle:g}°: ISO 2813 has 20°, 60° and 85°")
+    return _read(data, angle, [0.0], f"gloss at {angle:g}°")
+
+
+def haze(data: xr.Dataset) -> Reading:
+    """Reflection haze of ISO 13803 (20°, receptors at 18.1° and 21.9°, both together), not logarithmic."""
+    return _read(data, 20.0, [-HAZE_OFFSET_DEG, HAZE_OFFSET_DEG], "haze")
+
+
+def _read(data: xr.Dataset, angle: float, offsets: list[float], what: str) -> Reading:
+    if data.attrs.get("method") == "fit":
+        source = of_fit(data)
+        return Reading(sum(reading(source, angle, o) for o in offsets), 0.0)
+
+    def value(every: int, ratio: float) -> float:
+        return sum(reading(of_data(data, angle, every, ratio), angle, o) for o in offsets)
+
+    plain, turned, coarse = value(1, 0.0), value(1, 1.0), value(2, 0.0)
+    step = abs(plain - coarse) / 3  # linear interpolation: the error falls with the square of the step
+    if step > LARGEST_ERROR * plain:
+        raise InputError(f"{what}: the angles of reflection are too coarse for the lobe (error {step / plain:.0%})")
+    return Reading((plain + turned) / 2, float(np.hypot(step, plain - turned)))

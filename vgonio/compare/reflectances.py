@@ -1,0 +1,156 @@
+"""Directional reflectance and total integrated scatter of any BRDF that covers the hemisphere, and rows for a table."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..dataset import ascending, check
+from ..errors import InputError, VgonioError
+from ..models import directional_albedo
+from ..models.checks import disc_rule
+from ..models.evaluation import brdf
+from ..units import radians
+from .fit_files import fit_parameters
+from .gloss import gloss, haze, luminous_weights
+from .metrics import detector_dim, labelled
+
+Floats = NDArray[np.float64]
+SPECULAR_DEG = 2.0  # half-angle of the cone that is specular (ASTM E1048 and F1048 instruments: 2° to 3°)
+FARTHEST_DEG = 75.0  # in-plane data have to reach so far; the rest is f of the last angle
+_TEXTS = {
+    "reflectance": "directional-hemispherical reflectance",
+    "tis": "total integrated scatter: share of the reflected light outside the specular cone",
+}
+
+
+def reflectance(data: xr.Dataset) -> xr.DataArray:
+    """Directional-hemispherical reflectance ∫ f cos θ_o dω_o, dims (theta_i, wavelength), without a unit.
+
+    data : on a hemisphere; in plane at θ_i = 0 only, where an isotropic sample scatters alike all round (both sides are
+    averaged); or a fit of `fit_model`, which is integrated as a formula.
+    Raises InputError where the data do not cover that.
+    """
+    return labelled(_integral(data, None), "reflectance", "1", _TEXTS["reflectance"])
+
+
+def total_integrated_scatter(data: xr.Dataset, specular_deg: float = SPECULAR_DEG) -> xr.DataArray:
+    """Share of the reflected light further than specular_deg from the mirror direction, dims (theta_i, wavelength)."""
+    if not 0 < specular_deg < 90:
+        raise InputError(f"specular_deg = {specular_deg}: the half-angle of the specular cone lies within 0 to 90°")
+    everything = _integral(data, None)
+    found = 1 - _integral(data, float(radians(specular_deg))) / everything.where(everything > 0)
+    return labelled(found, "tis", "1", _TEXTS["tis"], specular_deg=float(specular_deg))
+
+
+def _integral(data: xr.Dataset, cone: float | None) -> xr.DataArray:
+    """∫ f cos θ_o dω_o over the hemisphere, or over the cone of that half-angle about the mirror direction."""
+    if data.attrs.get("method") == "fit":
+        return _of_fit(data, cone)
+    data = ascending(check(data))
+    return _of_cells(data, cone) if detector_dim(data) == "cell" else _in_plane(data, cone)
+
+
+def _of_fit(fit: xr.Dataset, cone: float | None) -> xr.DataArray:
+    name, w = str(fit.attrs["model"]), fit["wavelength"].values
+    parameters = fit_parameters(fit)
+    if isinstance(parameters.get("single_share"), xr.DataArray):
+        raise InputError("a fit with a share of single reflections in the plane of incidence has no hemisphere")
+    theta_i = np.abs(fit["theta_i"].values)
+    if cone is None:
+        found = directional_albedo(name, np.unique(theta_i), w, **parameters)
+        return found.sel(theta_i=theta_i).assign_coords(theta_i=fit["theta_i"].values)
+    values = []
+    for angle in radians(theta_i):
+        geometry, weight = disc_rule(float(angle), radii=240)
+        mirror = np.cos(geometry.theta_o) * np.cos(angle) + np.sin(geometry.theta_o) * np.sin(angle) * -np.cos(
+            geometry.phi_o
+        )
+        inside = mirror >= np.cos(cone)
+        values.append((weight * inside) @ brdf(name, geometry, w, **parameters))
+    return xr.DataArray(
+        np.array(values), {"theta_i": fit["theta_i"].values, "wavelength": w}, ("theta_i", "wavelength")
+    )
+
+
+def _of_cells(data: xr.Dataset, cone: float | None) -> xr.DataArray:
+    theta, phi = radians(data["theta_o"].values), radians(data["phi_o"].values)
+    if "projected_solid_angle" in data.coords:
+        weight = data["projected_solid_angle"].values
+    else:
+        weight = data["solid_angle"].values * np.cos(theta)
+    share = np.ones((data.sizes["theta_i"], theta.size))
+    if cone is not None:
+        width = float(np.sqrt(np.max(data["solid_angle"].values) / np.pi))
+        if width > cone:
+            raise InputError(
+                f"cells of {np.degrees(2 * width):.1f}° are wider than the specular cone of "
+                f"{np.degrees(2 * cone):.1f}°: give a larger specular_deg or simulate with a finer resolution_deg"
+            )
+        phi_i = radians(float(data["phi_i"].values.ravel()[0])) if "phi_i" in data.coords else 0.0
+        ti = radians(data["theta_i"].values)[:, None]
+        cosine = np.cos(ti) * np.cos(theta) - np.sin(ti) * np.sin(theta) * np.cos(phi - phi_i)
+        share = (cosine >= np.cos(cone)).astype(float)
+    f = data["brdf"].transpose("theta_i", "cell", "wavelength").values
+    if np.isnan(f).any():
+        raise InputError("cells of the hemisphere hold no value: its reflectance is not known")
+    values = np.einsum("icw,ic,c->iw", f, share, weight)
+    coords = {"theta_i": data["theta_i"].values, "wavelength": data["wavelength"].values}
+    return xr.DataArray(values, coords, ("theta_i", "wavelength"))
+
+
+def _in_plane(data: xr.Dataset, cone: float | None) -> xr.DataArray:
+    theta_i = data["theta_i"].values
+    at = int(np.abs(theta_i).argmin())
+    if abs(theta_i[at]) > 0.5:
+        raise InputError("in-plane data cover the hemisphere at normal incidence only, and θ_i = 0 is not among them")
+    one = data["brdf"].isel(theta_i=at).transpose("theta_o", "wavelength").values
+    angle = np.abs(radians(data["theta_o"].values))
+    known = np.isfinite(one).all(axis=1)
+    if known.sum() < 3 or angle[known].max() < radians(FARTHEST_DEG):
+        raise InputError(
+            f"in-plane data at θ_i = 0 have to reach {FARTHEST_DEG:g}° to be integrated over the hemisphere"
+        )
+    theta, place = np.unique(np.round(angle[known], 9), return_inverse=True)
+    count = np.bincount(place)
+    mean = np.stack([np.bincount(place, column) / count for column in one[known].T], axis=1)
+    nodes, weight = np.polynomial.legendre.leggauss(800)
+    top = np.pi / 2 if cone is None else cone
+    x = (nodes + 1) / 2 * top
+    f = np.stack([np.interp(x, theta, column) for column in mean.T], axis=1)
+    values = 2 * np.pi * (weight / 2 * top * np.sin(x) * np.cos(x)) @ f
+    coords = {"theta_i": theta_i[[at]], "wavelength": data["wavelength"].values}
+    return xr.DataArray(values[None], coords, ("theta_i", "wavelength"))
+
+
+def appearance(name: str, data: xr.Dataset) -> list[dict[str, Any]]:
+    """Rows of a table (of, quantity, value, error, unit): gloss, haze, TIS and reflectance, luminous means over λ.
+
+    What the data do not cover has the value None and the reason in unit.
+    """
+    rows = [
+        _row(name, f"gloss {angle:g}° (ISO 2813)", lambda a=angle: gloss(data, a), "GU") for angle in (20.0, 60.0, 85.0)
+    ]  # type: ignore[misc]
+    rows.append(_row(name, "haze 20° (ISO 13803)", lambda: haze(data), "HU"))
+    for quantity, function in (("reflectance", reflectance), ("total integrated scatter", total_integrated_scatter)):
+        try:
+            found = function(data)  # type: ignore[operator]
+        except VgonioError as e:
+            rows.append({"of": name, "quantity": quantity, "value": None, "error": None, "unit": str(e)})
+            continue
+        luminous = found.values @ luminous_weights(found["wavelength"].values)
+        for angle, value in zip(found["theta_i"].values, luminous):
+            text = f"{quantity} at {angle:g}°"
+            rows.append({"of": name, "quantity": text, "value": float(value), "error": None, "unit": "1"})
+    return rows
+
+
+def _row(name: str, quantity: str, read: Any, unit: str) -> dict[str, Any]:
+    try:
+        found = read()
+    except VgonioError as e:
+        return {"of": name, "quantity": quantity, "value": None, "error": None, "unit": str(e)}
+    return {"of": name, "quantity": quantity, "value": found.value, "error": found.error or None, "unit": unit}
