@@ -10,7 +10,7 @@ import pytest
 
 from vgonio import display as vd
 from vgonio.report import display_figures as figures
-from vgonio.report.display_page import display_page, render_display
+from vgonio.report.display_document import display_page, render_display
 
 
 @pytest.fixture(scope="module")

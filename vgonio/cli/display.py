@@ -296,7 +296,7 @@ def _tell(found: list[Examined], report: Path | None, as_json: bool, inputs: lis
         rows = [_row(name, values) for name, values in _flat(facts)]
         print_table("", ("quantity", *(str(f["eye"] or "display") for f in facts)), rows)
     if report is not None:
-        from ..report.display_page import display_page
+        from ..report.display_document import display_page
 
         say(f"page: {display_page(found, with_folder(report))}")
 
