@@ -78,8 +78,8 @@ def from_rows(
         k = np.flatnonzero(np.bincount(index) > 1)[0]
         i, _, o, phi = pairs[k // axis.size]
         raise FileFormatError(
-            f"{where}: the pair θ_i = {i:g}°, θ_o = {o:g}°, φ_o = {phi:g}° appears twice at {axis[k % axis.size]:g} nm; "
-            "duplicates='mean' or 'first' merges"
+            f"{where}: the pair θ_i = {i:g}°, θ_o = {o:g}°, φ_o = {phi:g}° appears twice at {axis[k % axis.size]:g} "
+            "nm; duplicates='mean' or 'first' merges"
         )
     place, values, errors = checks.once(
         index, value[:, None], None if stderr is None else stderr[:, None], repairs.duplicates
