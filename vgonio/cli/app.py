@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from . import display, doctor, render, results, simulate, surface, sweep
+from . import display, doctor, fit, render, results, simulate, surface, sweep
 
 app = typer.Typer(
     name="vgonio",
@@ -42,6 +42,7 @@ app.command("plan")(simulate.plan)
 app.command("init")(simulate.init)
 app.add_typer(surface.app, name="surface")
 app.command("compare")(results.compare)
+app.command("fit")(fit.fit)
 app.command("report")(results.report)
 app.command("render")(render.render)
 app.add_typer(display.app, name="display")

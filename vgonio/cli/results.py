@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from ..errors import InputError, nearest
+from ..errors import InputError, VgonioError, nearest
 from .common import Json, Quiet, Threads, print_json, print_table, say
 
 RESULT_ENDINGS = (".nc", ".nc4", ".h5")
@@ -29,30 +30,91 @@ def compare(
     material: Annotated[
         str, typer.Option("--material", help="Of the Fresnel reflectance in the fits of the shift, or none.")
     ] = "Al",
+    figures: Annotated[
+        Path | None, typer.Option("--figures", metavar="FOLDER", help="Draw the explained shares of the shift.")
+    ] = None,
     as_json: Json = False,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
     """Compare BRDFs pair by pair.
 
-    Colour difference, errors over the spectrum, slopes of the colour shift.
+    Colour difference, errors over the spectrum, slopes of the colour shift and how much of the reference's each
+    explains, gloss, haze, scatter and reflectance of what covers them.
 
     Example: vgonio compare result.nc:rays result.nc:waves sample.json
     """
-    data: dict[str, Any] = {}
-    for file in files:
-        for name, found in _load(file).items():
-            data[_unused(name, data)] = found
+    data = load_all(files)
     if len(data) < 2:
         raise InputError(f"nothing to compare: {', '.join(map(str, files))} holds one BRDF, at least two are needed")
     from ..compare import compare as run
     from ..compare import summary
 
-    rows = summary(run(data, reference=reference, material=None if material == "none" else material))
+    reflector = None if material == "none" else material
+    comparison = run(data, reference=reference, material=reflector)
+    rows = summary(comparison)
+    looks = [row for name, found in data.items() for row in _appearance(name, found)]
+    shares = _explained(data, str(comparison.attrs["reference"]), reflector, figures)
     if as_json:
-        print_json(rows)
-    else:
-        print_table("", list(rows[0]), [list(r.values()) for r in rows])
+        print_json(rows + looks + shares)
+        return
+    print_table("", list(rows[0]), [list(r.values()) for r in rows])
+    covered = [r for r in looks if r["value"] is not None]
+    if covered:
+        print_table("Appearance", list(covered[0]), [list(r.values()) for r in covered])
+    if shares:
+        print_table("Explained share of the reference's shift", list(shares[0]), [list(r.values()) for r in shares])
+
+
+def _appearance(name: str, data: Any) -> list[dict[str, Any]]:
+    from ..compare import appearance
+
+    further = [d for d in data["brdf"].dims if d not in ("theta_i", "theta_o", "cell", "wavelength")]
+    return [] if further else appearance(name, data)
+
+
+def _explained(data: dict[str, Any], reference: str, reflector: Any, figures: Path | None) -> list[dict[str, Any]]:
+    """Rows of the explained shares; the reason alone where the reference has no shift or too few wavelengths."""
+    from ..compare import explained_shares
+
+    others = {k: v for k, v in data.items() if k != reference}
+    if reference not in data:
+        return []
+    try:
+        found = explained_shares(data[reference], others, reflector)
+    except VgonioError as e:
+        return [{"of": reference, "quantity": "explained share", "value": None, "error": None, "unit": str(e)}]
+    if figures is not None:
+        from ..report.figures import explained
+
+        figures.mkdir(parents=True, exist_ok=True)
+        explained(found).savefig(figures / "explained.png", dpi=150)
+        say(f"figure: {figures / 'explained.png'}")
+    rows = []
+    for i, name in enumerate(found["explanation"].values):
+        share, error, sigma = (float(found[k][i]) for k in ("share", "share_stderr", "significance"))
+        text = f"{found['kind'].values[i]}, {sigma:.1f} σ"
+        rows.append(
+            {"of": str(name), "quantity": f"explained share ({text})", "value": share, "error": error, "unit": "1"}
+        )
+    return rows
+
+
+def load_all(files: list[Path]) -> dict[str, Any]:
+    """All BRDFs of several files by name, no two alike."""
+    data: dict[str, Any] = {}
+    for file in files:
+        for name, found in _load(file).items():
+            data[_unused(name, data)] = found
+    return data
+
+
+def load_one(file: Path, wanted: Callable[[Any], bool], what: str) -> Any:
+    """The first BRDF of a file that is wanted; InputError where there is none."""
+    found = [d for d in _load(file).values() if wanted(d)]
+    if not found:
+        raise InputError(f"{file} holds no BRDF with {what}")
+    return found[0]
 
 
 def _load(file: Path) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import xarray as xr
 
 from ..errors import InputError
 from ..materials import Material
+from ..models import find
 from .colour import delta_e_2000
 from .metrics import nrmse
 from .model_fit import fit_model
@@ -23,21 +24,22 @@ def fit_models(
     models: Sequence[str] = MODELS,
     material: str | Material | None = "Al",
     progress: Callable[[float], None] | None = None,
+    only_where_known: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> dict[str, dict[str, xr.Dataset]]:
     """Every model fitted to every sample: {sample: {model: fit}}.
 
-    options : of `fit_model`; single_share is given to the model that takes it.
+    options : of `fit_model`;  only_where_known : parameters for those models that have them, None is not given
     """
     if not samples or not models:
         raise InputError("nothing to fit: at least one sample and one model are needed")
-    share = options.pop("single_share", None)
     found: dict[str, dict[str, xr.Dataset]] = {}
     done, total = 0, len(samples) * len(models)
     for name, data in samples.items():
         found[name] = {}
         for model in models:
-            own = options | ({"single_share": share} if model == "two-shifts" and share is not None else {})
+            known = find(model).parameters
+            own = options | {k: v for k, v in (only_where_known or {}).items() if k in known and v is not None}
             at = done
 
             def part(x: float, at: int = at) -> None:

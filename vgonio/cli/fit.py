@@ -1,0 +1,254 @@
+"""The command fit: shifts and models fitted to measured or simulated BRDFs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..errors import InputError, VgonioError
+from .common import Json, Quiet, Threads, print_json, print_table, progress_bars, say
+from .results import load_all, load_one
+
+SHIFT_COLUMNS = ("of", "quantity", "value", "error", "unit")
+
+
+def fit(
+    data: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="DATA…",
+            help="Measured BRDFs, or results (.nc, FILE:GROUP for one group of it).",
+            show_default=False,
+        ),
+    ] = None,
+    model: Annotated[
+        list[str] | None,
+        typer.Option("--model", metavar="NAME", help="Repeatable.", show_default="cook-torrance-1982, clausen-2022"),
+    ] = None,
+    material: Annotated[
+        str, typer.Option("--material", help="Of the facets; none: a dielectric, whose index and k_d are fitted.")
+    ] = "Al",
+    exponent: Annotated[
+        float, typer.Option("--exponent", metavar="W", help="w of the cost function: weight of steep incidence.")
+    ] = 1.0,
+    wavelengths: Annotated[
+        str | None, typer.Option("--wavelengths", metavar="LOW:HIGH", help="Range in nm.", show_default="all")
+    ] = None,
+    wavelength_n: Annotated[float, typer.Option("--wavelength-n", metavar="NM", help="Where the shift is 1.")] = 600.0,
+    p: Annotated[
+        str, typer.Option("--p", metavar="fit|NUMBER", help="Exponent of Fresnel in the shift fits; 0 is without it.")
+    ] = "fit",
+    rays: Annotated[
+        Path | None,
+        typer.Option("--rays", metavar="RESULT", help="Traced result with reflections apart, for two shifts."),
+    ] = None,
+    errors: Annotated[str, typer.Option("--errors", help="sandwich, bootstrap or none.")] = "sandwich",
+    scale: Annotated[
+        str, typer.Option("--scale", help="Of the colour differences: reference-Y50, absolute, normalised.")
+    ] = "reference-Y50",
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FITS.nc", help="Keep the fits; .json for one fit alone.")
+    ] = None,
+    figures: Annotated[
+        Path | None, typer.Option("--figures", metavar="FOLDER", help="Draw thesis figures 4.7, 4.8, 4.11, 4.12.")
+    ] = None,
+    list_models: Annotated[bool, typer.Option("--list", help="Print the table of models and end.")] = False,
+    as_json: Json = False,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Fit colour shifts and BRDF models, with errors and what the data cannot tell.
+
+    Several DATA are samples of one table (mean dE00 of each model per sample).
+
+    Example: vgonio fit sample.json --model cook-torrance-1982 --model clausen-2022 -o fits.nc
+    """
+    if list_models:
+        _list(as_json)
+        return
+    if not data:
+        raise InputError("nothing to fit: give at least one measured BRDF or result, or --list for the models")
+    reflector = None if material == "none" else material
+    samples = load_all(data)
+    traced = None if rays is None else _traced(rays)
+    limits, number = _limits(wavelengths), p if p == "fit" else _number(p)
+    names = tuple(model or ("cook-torrance-1982", "clausen-2022"))
+    if "two-shifts" in names and traced is None:
+        raise InputError("two-shifts needs the share of single reflections: give --rays RESULT.nc of the same surface")
+    if output is not None:
+        _check_output(output, len(samples) * len(names))
+    from ..compare import fit_models, model_table
+
+    options: dict[str, Any] = {"exponent": exponent, "wavelength_range": limits, "errors": errors}
+    options["only_where_known"] = {"wavelength_n_nm": wavelength_n, "single_share": traced}
+    with progress_bars() as progress:
+        report = None if progress is None else (lambda x: progress("fits", x))
+        fits = fit_models(samples, names, reflector, report, **options)
+    shift = [
+        row
+        for name, found in samples.items()
+        for row in _shift_rows(name, found, reflector, number, wavelength_n, limits, traced)
+    ]
+    table = model_table(samples, fits, scale)
+    looks = [row for name, found in fits.items() for row in _looks(name, found)]
+    if output is not None:
+        _save(fits, output)
+    drawn = [] if figures is None else _draw(figures, samples, fits, reflector, number, wavelength_n, scale)
+    if as_json:
+        print_json({"shift": shift, "models": table, "appearance": looks, "delta_e_scale": scale})
+        return
+    print_table("Shift", SHIFT_COLUMNS, [[r[k] for k in SHIFT_COLUMNS] for r in shift])
+    columns = {"sample": "sample", "model": "model", "delta_e": "mean dE00", "gain": "gain", "gain_stderr": "±"}
+    columns |= {"nrmse": "NRMSE", "parameters": "parameters"}
+    print_table(f"Models (dE00: {scale})", list(columns.values()), [[r[k] for k in columns] for r in table])
+    print_table("Appearance of the models", SHIFT_COLUMNS, [[r[k] for k in SHIFT_COLUMNS] for r in looks])
+    for row in table:
+        for note in row["notes"]:
+            say(f"{row['sample']}, {row['model']}: {note}")
+    if output is not None:
+        say(f"fits: {output}")
+    for path in drawn:
+        say(f"figure: {path}")
+
+
+def _list(as_json: bool) -> None:
+    from ..models import table
+
+    columns = ["model", "parameters", "what", "source"]
+    rows = table()
+    if as_json:
+        print_json([dict(zip(columns, row)) for row in rows])
+    else:
+        print_table("", columns, rows)
+
+
+def _traced(rays: Path) -> Any:
+    from ..compare import single_share
+
+    return single_share(load_one(rays, lambda d: "brdf_by_bounce" in d, "reflections apart (brdf_by_bounce)"))
+
+
+def _limits(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    low, _, high = text.partition(":")
+    limits = _number(low), _number(high)
+    if not limits[0] < limits[1]:
+        raise InputError(f"--wavelengths {text}: LOW:HIGH in nm is needed, as in 400:700")
+    return limits
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"{text!r} is no number") from None
+
+
+def _check_output(output: Path, count: int) -> None:
+    from ..planning import check_output
+
+    check_output(output, (".nc", ".h5", ".json"), [])
+    if output.suffix.lower() == ".json" and count > 1:
+        raise InputError(f"{output.name}: {count} fits do not fit into one JSON file, write .nc (a group for each)")
+
+
+def _shift_rows(
+    name: str, data: Any, reflector: Any, p: Any, wavelength_n: float, limits: Any, traced: Any
+) -> list[dict[str, Any]]:
+    from ..compare import delta_e_2000, fit_global_shift, fit_local_shift, fit_two_shifts, fitted_spectra
+
+    def row(quantity: str, value: Any, unit: str = "1", error: Any = None) -> dict[str, Any]:
+        return {"of": name, "quantity": quantity, "value": value, "error": error, "unit": unit}
+
+    common: dict[str, Any] = {"wavelength_n": wavelength_n, "wavelength_range": limits}
+    rows = []
+    try:
+        if p == "fit" and data.sizes["wavelength"] < 5:
+            p = 1.0 if reflector is not None else 0.0
+        local = fit_local_shift(data, reflector, p, **common)
+        for limit in ("0.95", "0.90"):
+            rows.append(row(f"local fits with r2 > {limit}", local.attrs.get(f"r2_above_{limit}")))
+        one = fit_global_shift(data, reflector, p, "fit", **common)
+        for key in ("h", "w", "t_y", "p"):
+            rows.append(
+                row(f"global shift {key}", float(one[key]), str(one[key].attrs["units"]), float(one[f"{key}_stderr"]))
+            )
+        rows += [row("global shift r2", float(one["r2"])), row("global shift AIC", one.attrs["aic"])]
+        if traced is not None:
+            two = fit_two_shifts(data, traced, reflector, p, **common)
+            for key in ("h1", "w1", "h2", "w2", "p"):
+                rows.append(
+                    row(f"two shifts {key}", float(two[key]), str(two[key].attrs["units"]), float(two[f"{key}_stderr"]))
+                )
+            rows += [row("two shifts r2", float(two["r2"])), row("two shifts AIC", two.attrs["aic"])]
+        for kind, found in (("local", local), ("global", one)):
+            difference = delta_e_2000(data, fitted_spectra(data, found), "normalised", wavelength_n)
+            rows.append(row(f"mean dE00 of the {kind} shift", float(difference.mean())))
+    except VgonioError as e:
+        rows.append(row("left out", None, str(e)))
+    return rows
+
+
+def _looks(sample: str, fits: Any) -> list[dict[str, Any]]:
+    """Gloss and haze of the fitted models; what cannot be had is left out."""
+    from ..compare import appearance
+
+    rows = []
+    for model, found in fits.items():
+        chosen = found.isel(theta_i=[0]) if "theta_i" in found.dims else found
+        rows += [r for r in appearance(f"{sample}, {model}", chosen) if r["value"] is not None]
+    return rows
+
+
+def _save(fits: Any, output: Path) -> None:
+    from ..compare import save_fit
+    from ..measure import storage
+    from ..planning import with_folder
+
+    path = with_folder(output)
+    only = [f for models in fits.values() for f in models.values()]
+    if len(only) == 1:
+        save_fit(only[0], path)
+        return
+    import xarray as xr
+
+    groups = {
+        f"{sample.replace('/', '_')}/{model}": f for sample, models in fits.items() for model, f in models.items()
+    }
+    storage.save(xr.DataTree.from_dict(groups), path)
+
+
+def _draw(folder: Path, samples: Any, fits: Any, reflector: Any, p: Any, wavelength_n: float, scale: str) -> list[Path]:
+    """The figures that the data allow, as PNG; those they do not are said."""
+    from ..compare import fit_global_shift, fit_local_shift
+    from ..report import figures
+
+    folder.mkdir(parents=True, exist_ok=True)
+    slopes, drawn = {}, []
+
+    def keep(name: str, make: Any) -> None:
+        try:
+            path = folder / f"{name}.png"
+            make().savefig(path, dpi=150)
+            drawn.append(path)
+        except VgonioError as e:
+            say(f"not drawn, {name}: {e}")
+
+    def slope_of(data: Any) -> Any:
+        local = fit_local_shift(data, reflector, p, wavelength_n)
+        return local.assign(slope_global=fit_global_shift(data, reflector, p, "fit", wavelength_n)["slope_global"])
+
+    for name, data in samples.items():
+        safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in name)
+        keep(f"{safe}_shift", lambda data=data: figures.shift_parts(data, reflector, p, wavelength_n))  # type: ignore[misc]
+        keep(f"{safe}_models", lambda data=data, name=name: figures.models_beside(data, fits[name], scale))  # type: ignore[misc]
+        try:
+            slopes[name] = slope_of(data)
+        except VgonioError as e:
+            say(f"not drawn, slopes of {name}: {e}")
+    if slopes:
+        keep("slopes", lambda: figures.shift_slopes(slopes))
+    return drawn
