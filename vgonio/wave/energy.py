@@ -16,6 +16,7 @@ from ..directions import Detector, Incoming
 from ..surface.heightfield import Heightfield
 from .coherence import WindowPlan
 from .job import Job, parallel
+from .lobes import rms_slopes
 from .quadrature import Floats
 from .theories import scattering_vector
 
@@ -31,7 +32,7 @@ def energy_job(surface: Heightfield, plan: WindowPlan, incoming: Incoming, k: Fl
     sources, angle, share = parallel(incoming)
     rng = np.random.default_rng([seed, 1])
     lobe = plan.step / np.sqrt(2) * WIDER  # rad/µm; exp(−ℓ² q²) of a Gaussian window
-    slopes = np.maximum(_rms_slopes(surface) * WIDER, 1e-4)
+    slopes = np.maximum(rms_slopes(surface) * WIDER, 1e-4)
     cells = Detector.hemisphere(VIEW_DEG)
     parts: list[tuple[Any, ...]] = []
     for i, wi in enumerate(sources):
@@ -104,11 +105,3 @@ def _density(wo: Floats, wi: Floats, width: float, slopes: Floats) -> Floats:
     # dt = dω_h/h_z³, dω_h = dω_o/(4 ω_o·h), ds = cos θ_o dω_o
     facets = normal / (4 * np.sum(wo * h, axis=1) * h[:, 2] ** 3 * wo[:, 2])
     return NODES[0] / np.pi + NODES[1] * mirror + NODES[2] * facets
-
-
-def _rms_slopes(surface: Heightfield) -> Floats:
-    if surface.interpolation == "nearest":
-        return np.zeros(2)
-    ip = surface.interpolant
-    g = [ip.grid(surface.y, surface.x, dx=1), ip.grid(surface.y, surface.x, dy=1)]
-    return np.array([np.sqrt(np.mean(a**2)) for a in g])

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..directions import Detector, Incoming
-from .cone import Nodes, cell_nodes, cone_nodes
+from .cone import CUT, Nodes, Rule, cell_nodes, cone_nodes
 from .quadrature import Floats
 from .theories import scattering_vector
 
@@ -27,6 +28,7 @@ class Job:
     weight : (m,) in the mean over the detector element
     target : (m,) flat index (theta_i, element, wavelength) into `shape`
     sums : whether only sums over many elements matter, and so errors relative to them, not to the largest value
+    room : (element, wavelength) or one number, speckles of a window that an element has room for
     """
 
     q: Floats
@@ -40,6 +42,7 @@ class Job:
     target: Ints
     shape: tuple[int, int, int]
     sums: bool = False
+    room: Floats | float = np.inf
 
     @property
     def wavelength(self) -> Ints:
@@ -109,20 +112,33 @@ def parallel(incoming: Incoming) -> tuple[Floats, Ints, Floats]:
     return np.array(sources), np.array(angle, np.int64), np.array(shares)
 
 
-def detector_job(incoming: Incoming, detector: Detector, k: Floats, step: float, theory: str, seed: int) -> Job:
-    """The job of a detector; `step` is that of scattering vectors across a cone, rad/µm."""
+def detector_job(
+    incoming: Incoming,
+    detector: Detector,
+    k: Floats,
+    step: float,
+    theory: str,
+    seed: int,
+    choose: Callable[[Floats], list[Rule]] | None = None,
+) -> Job:
+    """The job of a detector; `step` is that of scattering vectors across a cone, rad/µm.
+
+    choose : the cone's rule for each of the sources (n, 3); without it the lattice is cut at the edge
+    """
     sources, angle, share = parallel(incoming)
     rng = np.random.default_rng(seed)
     phi = np.deg2rad(incoming.phi_deg)
     across = sources @ np.array([-np.sin(phi), np.cos(phi), 0.0])
     nodes: list[Nodes] = []
-    for n in range(len(sources)):
+    rules = [CUT] * len(sources) if choose is None or detector.kind == "hemisphere" else choose(sources)
+    made: dict[Rule, Nodes] = {}
+    for n, rule in enumerate(rules):
         if detector.kind == "hemisphere":
             nodes.append(cell_nodes(detector, k, NODES_PER_CELL, rng))
-        elif incoming.divergence_deg == 0:
-            nodes.append(nodes[0] if nodes else cone_nodes(detector, k, step))
-        else:
-            nodes.append(cone_nodes(detector, k, step, float(across[n])))
+            continue
+        if rule not in made or incoming.divergence_deg > 0:
+            made[rule] = cone_nodes(detector, k, step, float(across[n]) if incoming.divergence_deg else 0.0, rule)
+        nodes.append(made[rule])
     counts = [len(one.k) for one in nodes]
     local = np.concatenate([one.target for one in nodes])
     source = np.repeat(np.arange(len(sources)), counts)
@@ -139,4 +155,6 @@ def detector_job(incoming: Incoming, detector: Detector, k: Floats, step: float,
         np.concatenate([one.weight for one in nodes]) * share[source],
         local + angle[source] * shape[1] * shape[2],
         shape,
+        # the intensity of a window is correlated as exp(−ℓ²q²/2): 2π/ℓ² to a speckle
+        room=detector.projected_solid_angle[:, None] * (k / step) ** 2 / (2 * np.pi),
     )

@@ -3,48 +3,32 @@
 from __future__ import annotations
 
 import time
-import warnings
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from ..dataset import brdf_dataset, label, versions
 from ..directions import Detector, Incoming, wavelength_list
-from ..errors import InputError, VgonioWarning, nearest, relative_tolerance, whole
+from ..errors import InputError, nearest, relative_tolerance, whole
 from ..materials import Material, material
 from ..surface.heightfield import Heightfield
 from ..units import wavenumber
-from . import energy, gratings, windowed
+from . import energy, gratings, outcome
 from .amplitudes import HalfVector, LocalFacet, Model
 from .coherence import WindowPlan
-from .fourier import METHODS, check_method
-from .job import Job, detector_job
+from .cone import Rule
+from .effort import How, Work
+from .fourier import METHODS
+from .job import Job, detector_job, parallel
+from .lobes import cone_attributes, cone_rules
 from .polarisation import VectorKirchhoff
-from .quadrature import Floats, choose_rule, rates
-from .theories import DESCRIPTION, THEORIES
-from .weighted import Place, Shadows, intensity
+from .quadrature import Floats, choose_rule
+from .theories import THEORIES
+from .weighted import Shadows
 
 FRESNEL = ("half", "local")
-MIN_WINDOWS = 4  # fewer independent windows say too little about their spread
-EDGES_CHECKED = 24  # directions for which shadows are found again on a finer grid
-SHARPER = 2.0  # how much finer points are to begin with where shadows cut them
-SHARPENED = 3  # steps of 1.5 beyond that, at most: the points of the last but one are ten times those without shadows
-SPECKLE_NODES = 2 * np.pi  # nodes of spacing 1/ℓ in the area of one speckle: Σ exp(−n²/2) over a square grid
-
-
-@dataclass(frozen=True)
-class How:
-    """How the sums are done: spacing of the points along y and x in µm, rule, method, accuracy of the transform,
-    azimuth along which rows of scattering vectors run (None: they lie all over the hemisphere)."""
-
-    rule: str
-    method: str
-    azimuth: float | None
-    spacing: tuple[float, float] = (0.0, 0.0)
-    eps: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -121,38 +105,38 @@ class Kirchhoff:
         start = time.perf_counter()
         surface.require_complete()
         plan = WindowPlan.of(surface, incoming.coherence_um, self.windows)
-        job = detector_job(incoming, detector, wavenumber(self.wavelength_nm), plan.step, self.theory, self.seed)
+        k = wavenumber(self.wavelength_nm)
+
+        def rules(sources: Floats) -> list[Rule]:
+            pairs = len(sources) * len(detector)
+            return cone_rules(surface, sources, self.theory, k, plan.step, detector.half_angle, self.tol, pairs)
+
+        job = detector_job(incoming, detector, k, plan.step, self.theory, self.seed, rules)
         # the slope of a window at its end is one kink more
         rule = choose_rule(surface, incoming.coherence_um is not None, False, self.tol / 20)
         method = "nufft" if self.method == "auto" else self.method
         azimuth = float(np.deg2rad(incoming.phi_deg)) if detector.kind == "in-plane" else None
-        model = self._model(incoming)
-        how, error, points = self._refine(surface, plan, job, model, How(rule, method, azimuth))
+        work = Work(surface, plan, self._model(incoming), self.wavelength_nm, self.tol)
+        how, error, points = work.refine(job, How(rule, method, azimuth))
         shadows, edges = None, 0.0
         if self.shadowing:
             coarse = how.spacing
-            how, shadows, edges = self._sharpen(surface, plan, job, model, how)
+            how, shadows, edges = work.sharpen(job, how)
             points = round(points * np.prod(np.divide(coarse, how.spacing)))
 
-        total, square, single = (np.zeros((model.outcomes, *job.shape)) for _ in range(3))
-        for n, values in enumerate(self._intensities(surface, plan, job, model, how, shadows)):
-            f = job.gather(job.weight * values)
-            total, square = total + f, square + f**2
-            single += job.gather(job.weight * values**2)
-            if self.progress:
-                self.progress((n + 1) / len(plan.windows))
-        count = len(plan.windows)
-        mean = total / count
-        stderr, estimate = _standard_error(mean, square / count, single / count, job, plan)
-        data = self._dataset(mean[0], stderr[0], incoming, detector)
+        mean, stderr, estimate = self._mean(work, job, how, shadows)
+        data = outcome.dataset(self, mean[0], stderr[0], incoming, detector)
         if self.polarised:
-            data = _with_mueller(data, mean[1:], stderr[1:])
+            data = outcome.with_mueller(data, mean[1:], stderr[1:])
         if self.energy or self.renormalise:
-            data = self._with_energy(data, *self._energy(surface, incoming, plan, model, How(rule, method, None)))
+            found = self._energy(incoming, work, How(rule, method, None))
+            data = outcome.with_energy(data, *found, self.renormalise)
         if shadows is not None:
             data.attrs |= {"shadow_step_um": shadows.step_um, "shadow_edge_error": edges}
+        if detector.kind == "in-plane":
+            data.attrs |= cone_attributes(rules(parallel(incoming)[0]), detector.half_angle)
         data.attrs |= plan.attrs | {
-            "error_achieved": max(error, edges),
+            "error_achieved": max(error, edges, data.attrs.get("cone_error", 0.0)),
             "error_estimate": "largest change of brdf on a grid 1.5 times finer, relative to its maximum over the "
             "detector, in the central window for some angles and wavelengths; the finer one by a direct sum if quick",
             "stderr_estimate": estimate,
@@ -160,13 +144,26 @@ class Kirchhoff:
             "points_per_window": points,
             "scattering_vectors": len(job.q),
             "method_used": method,
-            "device": _device(method),
+            "device": outcome.device(method),
             "surface": surface.name,
             "seconds": time.perf_counter() - start,
         }
         return data
 
-    # ---- one window after the other
+    def _mean(self, work: Work, job: Job, how: How, shadows: Shadows | None) -> tuple[Floats, Floats, str]:
+        """Mean over windows, its standard error (outcomes, theta_i, element, wavelength), and how that was found."""
+        total, square, single = (np.zeros((work.model.outcomes, *job.shape)) for _ in range(3))
+        for values in work.intensities(job, how, shadows, self.progress):
+            f = job.gather(job.weight * values)
+            total, square = total + f, square + f**2
+            single += job.gather(job.weight * values**2)
+        count = len(work.plan.windows)
+        mean = total / count
+        stderr, estimate = outcome.standard_error(mean, square / count, single / count, job, work.plan)
+        # weights beyond a cone's edge have both signs: what they leave below zero is within the rule's error
+        mean[0] = np.maximum(mean[0], 0.0)
+        return mean, stderr, estimate
+
     def _model(self, incoming: Incoming) -> Model:
         polarisation = incoming.polarisation
         if self.polarised:
@@ -175,166 +172,13 @@ class Kirchhoff:
             return LocalFacet(self.theory, self.material, polarisation)  # type: ignore[arg-type]
         return HalfVector(self.theory, self.material, self.wavelength_nm, polarisation)  # type: ignore[arg-type]
 
-    def _intensities(
-        self, surface: Heightfield, plan: WindowPlan, job: Job, model: Model, how: How, shadows: Shadows | None
-    ) -> Iterator[Floats]:
-        """f (outcomes, m) of every window: together where all windows and rows can share the work, else one by one."""
-        plain = not model.local and shadows is None and not surface.is_profile
-        shared = (
-            how.method == "nufft" and how.rule == "uniform" and how.azimuth is not None and np.sin(how.azimuth) == 0
-        )
-        if plain and shared and len(np.unique(np.round(job.q[:, 1], 9))) >= windowed.MIN_ROWS:
-            prefactor = job.prefactor
-            for S, area in windowed.sums(surface, plan.gaussian, how.spacing, job.q, how.eps):
-                yield model.intensity(S[None], job) * (prefactor / area)
-            return
-        for window in plan.windows:
-            place = Place.of(surface, plan, window, how.spacing, how.rule)
-            yield intensity(place, surface, job, model, self.wavelength_nm, shadows, how.method, how.eps, how.azimuth)
-
-    def _energy(
-        self, surface: Heightfield, incoming: Incoming, plan: WindowPlan, model: Model, how: How
-    ) -> tuple[Floats, Floats]:
+    def _energy(self, incoming: Incoming, work: Work, how: How) -> tuple[Floats, Floats]:
         """Total reflected share and its standard error, (theta_i, wavelength)."""
-        job = energy.energy_job(surface, plan, incoming, wavenumber(self.wavelength_nm), self.theory, self.seed)
-        how, _, _ = self._refine(surface, plan, job, model, how)
+        k = wavenumber(self.wavelength_nm)
+        job = energy.energy_job(work.surface, work.plan, incoming, k, self.theory, self.seed)
+        how, _, _ = work.refine(job, how)
         shadows = None
         if self.shadowing:
-            how, shadows, _ = self._sharpen(surface, plan, job, model, how)
-        found = self._intensities(surface, plan, job, model, how, shadows)
-        return energy.total(np.stack([job.gather(job.weight * values[0]) for values in found]), plan.independent)
-
-    def _with_energy(self, data: xr.Dataset, reflected: Floats, stderr: Floats) -> xr.Dataset:
-        over = ("theta_i", "wavelength")
-        data["energy_reflected"], data["energy_reflected_stderr"] = (over, reflected), (over, stderr)
-        if self.renormalise:
-            factor = data.fresnel_macro / data.energy_reflected.where(data.energy_reflected > 0)
-            for name in [n for n in ("brdf", "brdf_stderr", "mueller", "mueller_stderr") if n in data]:
-                data[name] = (data[name] * factor.fillna(1.0)).transpose(*data[name].dims)
-            data["renormalisation"] = factor.fillna(1.0)
-            data.attrs["renormalised"] = "brdf times fresnel_macro / energy_reflected, in `renormalisation`"
-        return label(data)
-
-    # ---- how finely
-    def _refine(
-        self, surface: Heightfield, plan: WindowPlan, job: Job, model: Model, how: How
-    ) -> tuple[How, float, int]:
-        """Spacing of the points and tolerance of the transform, from the fastest phases and then from trial: the
-        error of brdf in the central window. (Where all directions are weak, the transform has to be tighter.)"""
-        per_cycle = {"uniform": 1.0, "gauss": 2.2, "cells": 1.0}[how.rule] + 0.15 * -np.log10(self.tol)
-        spacing = 2 * np.pi / np.maximum(rates(surface, job.q), 1e-9) / per_cycle
-        part, window = plan.trial(surface)
-        if window is not None:
-            spacing = np.minimum(spacing, np.array(window.half) / 12)
-        some = job.some(job.checked())
-        eps, error, size = self.tol / 30, 0.0, 0
-        for _ in range(9):
-            place = Place.of(part, plan, window, tuple(spacing), how.rule)
-            size = round(place.points.size * surface.area_um2 / part.area_um2)
-            fine = Place.of(part, plan, window, tuple(spacing / 1.5), how.rule)
-            other = check_method(how.method, fine.points, some.q, self.tol)
-            f = intensity(place, part, some, model, self.wavelength_nm, None, how.method, eps, how.azimuth)
-            g = intensity(fine, part, some, model, self.wavelength_nm, None, other, eps / 5, how.azimuth)
-            error = some.difference(f[0], g[0])
-            if error <= 0.8 * self.tol or how.rule == "cells":
-                break
-            spacing, eps = spacing / 1.3, eps / 10
-        if error > self.tol:
-            warnings.warn(f"waves: error {error:.1e} instead of {self.tol:.1e}", VgonioWarning, stacklevel=4)
-        return replace(how, spacing=(float(spacing[0]), float(spacing[1])), eps=eps), float(error), size
-
-    def _sharpen(
-        self, surface: Heightfield, plan: WindowPlan, job: Job, model: Model, how: How
-    ) -> tuple[How, Shadows, float]:
-        """Points and shadows so fine that edges of shadows, which are cuts, meet the tolerance, as far as memory
-        allows; and the error that is left: the change of brdf, relative to its maximum over the detector, when both
-        are 1.5 times finer, in the central window for some directions."""
-        checked = job.checked()
-        some = job.some(checked[:: max(1, len(checked) // EDGES_CHECKED)])
-        window = plan.windows[len(plan.windows) // 2]
-
-        def trial(factor: float) -> tuple[How, Shadows, Floats]:
-            finer = replace(how, spacing=(how.spacing[0] / factor, how.spacing[1] / factor))
-            shadows = Shadows.of(surface, finer.spacing)
-            place = Place.of(surface, plan, window, finer.spacing, how.rule)
-            f = intensity(place, surface, some, model, self.wavelength_nm, shadows, how.method, how.eps, how.azimuth)
-            return finer, shadows, f[0]
-
-        found, error = trial(SHARPER), 0.0
-        for n in range(1, SHARPENED + 1):
-            finer = trial(SHARPER * 1.5**n)
-            error = some.difference(found[2], finer[2])
-            if error <= self.tol or n == SHARPENED or finer[1].refine == found[1].refine:
-                break
-            found = finer
-        if error > self.tol:
-            warnings.warn(
-                f"waves: edges of shadows, found to {found[1].step_um:.2g} µm, make an error of {error:.1e} instead of "
-                f"{self.tol:.1e}",
-                VgonioWarning,
-                stacklevel=4,
-            )
-        return found[0], found[1], error
-
-    def _dataset(self, brdf: Floats, stderr: Floats, incoming: Incoming, detector: Detector) -> xr.Dataset:
-        over = ("theta_i", *detector.dims, "wavelength")
-        variables: dict[str, tuple[tuple[str, ...], Any]] = {"brdf": (over, brdf), "brdf_stderr": (over, stderr)}
-        macro = self.material.reflectance(  # type: ignore[union-attr]
-            incoming.vectors[:, 2], self.wavelength_nm, incoming.polarisation
-        )
-        variables["fresnel_macro"] = (("theta_i", "wavelength"), macro)
-        if detector.kind == "hemisphere":
-            reflected = np.einsum("iew,e->iw", brdf, detector.projected_solid_angle)
-            variables["energy_reflected"] = (("theta_i", "wavelength"), reflected)
-        return brdf_dataset(
-            variables,
-            incoming.theta_deg,
-            self.wavelength_nm,
-            detector,
-            phi_i_deg=incoming.phi_deg,
-            attrs={
-                "method": f"waves: {DESCRIPTION[self.theory]}, single scattering, "
-                + ("shadowing of source and detector" if self.shadowing else "no shadowing"),
-                "fresnel": "at the half vector" if self.fresnel == "half" and not self.polarised else "at each facet",
-                "solver": "Kirchhoff",
-                "theory": self.theory,
-                "material": self.material.name,  # type: ignore[union-attr]
-                "material_source": self.material.source,  # type: ignore[union-attr]
-                "polarisation": incoming.polarisation,
-                "tolerance_asked": self.tol,
-                "backend": f"surface_fourier, {self.method}",
-                "versions": versions(),
-                "seed": self.seed,
-            },
-        )
-
-
-def _with_mueller(data: xr.Dataset, mueller: Floats, stderr: Floats) -> xr.Dataset:
-    """With Mueller matrices (16, theta_i, element, wavelength) and their standard errors."""
-    over = (*data.brdf.dims, "stokes_out", "stokes_in")
-    for name, values in (("mueller", mueller), ("mueller_stderr", stderr)):
-        data[name] = (over, np.moveaxis(values, 0, -1).reshape(*values.shape[1:], 4, 4))
-    return label(data.assign_coords(stokes_out=list("IQUV"), stokes_in=list("IQUV")))
-
-
-def _standard_error(brdf: Floats, square: Floats, single: Floats, job: Job, plan: WindowPlan) -> tuple[Floats, str]:
-    """Standard error of the mean: from the spread over windows, or from that over the speckles of too few windows."""
-    n = len(plan.windows)
-    if plan.independent >= MIN_WINDOWS:
-        variance = np.maximum(square - brdf**2, 0) * n / (n - 1)
-        return np.sqrt(variance / plan.independent), f"spread over {plan.independent:.1f} effective independent windows"
-    largest = job.gather(job.weight**2)
-    speckles = np.maximum(plan.independent / np.maximum(largest, 1e-300) / SPECKLE_NODES, 1.0)
-    variance = np.maximum(single - brdf**2, 0)
-    return (
-        np.sqrt(variance / np.maximum(speckles - 1, 1.0)),
-        f"spread over the directions within a detector element: only {plan.independent:.1f} independent windows",
-    )
-
-
-def _device(method: str) -> str:
-    if method != "opencl":
-        return "CPU"
-    from . import opencl
-
-    return f"{opencl.device().name}, {opencl.device().platform}"
+            how, shadows, _ = work.sharpen(job, how)
+        found = work.intensities(job, how, shadows, self.progress)
+        return energy.total(np.stack([job.gather(job.weight * f[0]) for f in found]), work.plan.independent)

@@ -1,0 +1,89 @@
+"""Which of the cone's rules a surface needs: is there light in a lobe as narrow as that of a coherence window?
+
+Where the surface is rough and all light diffuse, what a cut lattice adds is speckle, and in the standard error. Where a
+mirror direction or orders of a grating stay coherent, every window has the same narrow lobe, and the quadrature has to
+be right by itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..surface.heightfield import Heightfield
+from .cone import CUT, RULES, Rule
+from .quadrature import Floats
+
+POINTLIKE = 0.01  # k ℓ sin a of a cone over which a window's lobe is constant to 5e-5
+WIDE = 4.0  # a diffuse lobe is wide where its width in q is so many 1/ℓ
+LINE = 0.25  # share of the variance in one frequency that makes a grating
+LARGE = 30.0  # radius of a cone in 1/ℓ from which a Gauss rule is out of proportion
+LITTLE = 50_000  # scattering vectors that are not worth sparing
+FEW = 2  # wavelengths up to which rows of their own are cheaper than shared ones
+
+
+def cone_rules(
+    surface: Heightfield,
+    sources: Floats,
+    theory: str,
+    k: Floats,
+    step: float,
+    half_angle: float,
+    tol: float,
+    pairs: int,
+) -> list[Rule]:
+    """A rule for each source (n, 3); wavenumbers k and the lattice's `step` in rad/µm; `pairs` of source and element.
+
+    Where it costs little, all light is treated as if it came in narrow lobes.
+    """
+    if k.max() * np.sin(half_angle) / step < POINTLIKE:
+        return [CUT] * len(sources)
+    sigma, slope = float(np.std(surface.z)), float(np.max(rms_slopes(surface)))
+    lines = largest_line(surface) > LINE
+    fine = _fine(tol, len(k), float(k.max() * np.sin(half_angle) / step))
+    little = pairs * float(np.sum((3 * k * np.sin(half_angle) / step + 4) ** 2)) < LITTLE
+    found = []
+    for wi in sources:
+        q_z = 2 * k.min() * (1.0 if theory == "harvey-shack" else wi[2])
+        coherent = np.exp(-((q_z * sigma) ** 2))
+        # share of the diffuse light that a cone catches at its brightest, for normally distributed slopes
+        diffuse = min(1.0, half_angle**2 / max(8 * slope**2, 1e-300))
+        narrow = little or lines or q_z * slope < WIDE * step or CUT.error * coherent > tol * diffuse
+        found.append(fine if narrow else CUT)
+    return found
+
+
+def _fine(tol: float, wavelengths: int, radius: float) -> Rule:
+    """radius : of the cone, in 1/ℓ"""
+    if radius < LARGE and (wavelengths <= FEW or tol < RULES[2].error):
+        return replace(RULES[-1], error=max(tol / 30, RULES[-1].error))
+    return RULES[1] if tol >= RULES[1].error else RULES[2]
+
+
+def cone_attributes(rules: list[Rule], half_angle: float) -> dict[str, float | str]:
+    """`cone_rule` in words, and `cone_error`, what the quadrature over a cone is off by relative to the peak."""
+    fine = [r for r in rules if r is not CUT]
+    if not fine:
+        what = "lattice of 1/ℓ cut at the edge: its error is speckle, in brdf_stderr, or the cone is a point"
+        return {"cone_rule": what, "cone_error": 0.0}
+    some = "" if len(fine) == len(rules) else f" for {len(fine)} of {len(rules)} sources"
+    what = "Gauss over the disc" if fine[0].narrow == np.inf else "lattice with a soft edge"
+    return {"cone_rule": f"{what}{some}, for lobes as narrow as a window's", "cone_error": fine[0].error}
+
+
+def rms_slopes(surface: Heightfield) -> Floats:
+    """(2,) along x and y; 0 for walls, whose steps have no slope."""
+    if surface.interpolation == "nearest":
+        return np.zeros(2)
+    ip = surface.interpolant
+    g = [ip.grid(surface.y, surface.x, dx=1), ip.grid(surface.y, surface.x, dy=1)]
+    return np.array([np.sqrt(np.mean(a**2)) for a in g])
+
+
+def largest_line(surface: Heightfield) -> float:
+    """Share of the variance of heights in the strongest single frequency."""
+    z = surface.z[:1] if surface.is_profile else surface.z
+    power = np.abs(np.fft.fft2(z - z.mean())) ** 2
+    total = float(power.sum())
+    return float(2 * power.max() / total) if total > 0 else 1.0  # a frequency and its negative are one
