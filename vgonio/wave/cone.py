@@ -40,7 +40,7 @@ class Rule:
 
 
 CUT = Rule(1.0, 0.0, 0.0, 0.1, 0.0)
-RULES = (CUT, Rule(0.5, 1.5, 1e-4, 1e-3, 1.0), Rule(0.5, 3.0, 1e-6, 3e-5, 1.0), Rule(1.0, 1.0, 1.0, 1e-10, np.inf))
+RULES = (CUT, Rule(0.5, 1.5, 1e-4, 1e-3, 1.0), Rule(0.5, 3.0, 1e-6, 3e-5, 1.0), Rule(1.0, 1.0, 1.0, 1e-13, np.inf))
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,6 +67,8 @@ class Work:
             if error <= 0.8 * tol or how.rule == "cells":
                 break
             spacing, eps = spacing / 1.3, eps / 10
+        # double precision of the largest phase: no finer grid shows it
+        error = max(error, 4 * np.finfo(float).eps * float(np.abs(job.q[:, 2]).max() * np.abs(surface.z).max()))
         if error > tol:
             warnings.warn(f"waves: error {error:.1e} instead of {tol:.1e}", VgonioWarning, stacklevel=4)
         return replace(how, spacing=(float(spacing[0]), float(spacing[1])), eps=eps), float(error), size
