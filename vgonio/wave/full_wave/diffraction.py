@@ -34,13 +34,16 @@ def solved(
     wavelength, index = float(nm_to_um(wavelength_nm)), solver.index(wavelength_nm)
     period = profile.period_of(surface, wavelength)
 
-    def run(round_: int) -> tuple[Floats, Table]:
-        curve = profile.one_period(surface, wavelength, effort.resolution(wavelength, index, solver.tol, round_))
+    def run(round_: int) -> tuple[Floats, Table, float]:
+        curve = profile.one_period(
+            surface, wavelength, effort.resolution(surface, wavelength, index, solver.tol, round_)
+        )
         price = effort.cost(curve.size, index, len(polarisations), len(theta), True)
         effort.require_affordable(price, f"a period of {period:.3g} µm at {wavelength_nm:g} nm")
         grating = Grating.of(curve, period, wavelength, index, polarisations)
         found = [[grating.diffract(float(t), p) for t in theta] for p in polarisations]
-        return _rows([d for row in found for d in row]), found
+        every = [d for row in found for d in row]
+        return _rows(every), found, max(abs(1 - d.reflected - d.absorbed) for d in every)
 
     _, table, error = effort.converged(run, solver.tol)
     return table, error
@@ -78,7 +81,8 @@ def orders(solver: FullWave, surface: Heightfield, theta_i_deg: Any) -> xr.Datas
         "period_um": surface.period_um or surface.size_um[1],
         "unknowns": max(d.unknowns for table, _ in found for row in table for d in row),
         "error_achieved": error,
-        "error_estimate": "largest difference from efficiencies on panels 1.5 times longer, relative to the largest",
+        "error_estimate": "largest difference from efficiencies on panels 1.5 times longer, relative to the largest, "
+        "or the error of the energy balance where that is larger",
         "remarks": json.dumps(said, ensure_ascii=False),
         "seconds": time.perf_counter() - start,
     }

@@ -9,11 +9,13 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ...errors import ToleranceError
+from ...surface.heightfield import Heightfield
 from .panels import Floats
 from .profile import Resolution
 
 MOST_UNKNOWNS = 8000
-ORDER = 10  # nodes of a panel
+ORDER, FEW = 10, 6  # nodes of a panel; of one among corners, for tol ≥ LAX
+LAX = 3e-4
 COARSE, FINER = 1.6, 1.5  # longest panel of the first solution in wavelengths; each further one is so much finer
 ROUNDS = 4  # solutions at most
 PER_KERNEL, PER_FLOP = 60e-9, 1 / 2e10  # seconds of a kernel value and of an operation, one core of 2023
@@ -33,11 +35,13 @@ class Cost:
         return f"{self.unknowns:,} unknowns, {self.bytes / 1e9:.2g} GB, about {self.seconds:.2g} s a wavelength"
 
 
-def resolution(wavelength: float, index: complex | None, tol: float, round_: int) -> Resolution:
-    """Panels of the `round_`-th solution: shorter inside a material where the wavelength is."""
+def resolution(surface: Heightfield, wavelength: float, index: complex | None, tol: float, round_: int) -> Resolution:
+    """Panels of the `round_`-th solution: shorter inside a material where the wavelength is; of lower order where
+    there are corners, which many short panels surround (not on a perfect conductor, whose current is infinite there)."""
     inside = 1.0 if index is None else max(1.0, complex(index).real)
-    longest = COARSE * wavelength / inside / FINER**round_
-    return Resolution(longest, 1e-3 * tol * wavelength / 4**round_, ORDER, round_)
+    few = surface.interpolation != "cubic" and tol >= LAX and index is not None
+    longest = COARSE * (FEW / ORDER if few else 1.0) * wavelength / inside / FINER**round_
+    return Resolution(longest, 1e-3 * tol * wavelength / 4**round_, FEW if few else ORDER, round_)
 
 
 def cost(nodes: int, index: complex | None, polarisations: int, incidences: int, periodic: bool) -> Cost:
@@ -62,28 +66,31 @@ def require_affordable(price: Cost, what: str) -> None:
 
 
 def converged(
-    run: Callable[[int], tuple[Floats, T]], tol: float, progress: Callable[[float], Any] | None = None
+    run: Callable[[int], tuple[Floats, T, float]], tol: float, progress: Callable[[float], Any] | None = None
 ) -> tuple[Floats, T, float]:
-    """Solutions on finer and finer panels until two agree: values of the last, what comes with them, their difference.
+    """Solutions on finer and finer panels until two agree: values of the last, what comes with them, their error.
 
-    run : round → values (r, m) and anything else.  The difference is relative to the largest value of each row: it is
-    the error of the coarser solution, and bounds that of the one returned. Where a finer one cannot be afforded, the
-    last that could is returned with what was known of it.
+    run : round → values (r, m), anything else, and what else is known of their error (the energy balance of a grating)
+    The error is the difference of the last two solutions relative to the largest value of each row, which is the error
+    of the coarser one, or that other figure where it is larger. Where a second solution cannot be afforded, a coarser
+    one is compared with the first.
     """
-    coarse, found = run(0)
+    last, found, defect = run(0)
     error = np.inf
     for round_ in range(1, ROUNDS):
         try:
-            fine, found = run(round_)
+            fine, better, defect = run(round_)
         except ToleranceError:
+            if not np.isfinite(error):
+                error = max(difference(run(-1)[0], last), defect)
             break
-        error = difference(coarse, fine)
-        coarse = fine
+        error = max(difference(last, fine), defect)
+        last, found = fine, better
         if progress is not None:
             progress(round_ / ROUNDS)
         if error <= tol:
             break
-    return coarse, found, error
+    return last, found, error
 
 
 def difference(a: Floats, b: Floats) -> float:

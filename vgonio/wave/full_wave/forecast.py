@@ -44,7 +44,7 @@ def forecast(solver: FullWave, surface: Heightfield, incoming: Incoming) -> Fore
     prices = []
     for wavelength_nm in solver.wavelength_nm:
         wavelength, index = float(nm_to_um(wavelength_nm)), solver.index(wavelength_nm)
-        how = effort.resolution(wavelength, index, solver.tol, 1)
+        how = effort.resolution(surface, wavelength, index, solver.tol, 1)
         if surface.periodic:
             curve = profile.one_period(surface, wavelength, how)
         else:

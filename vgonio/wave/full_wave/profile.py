@@ -12,7 +12,7 @@ from ...surface.heightfield import Heightfield
 from . import panels
 from .panels import Floats, Panels
 
-SHARP = ((0.03, 1), (0.1, 2), (0.5, 3))  # panels shrink so many times towards a kink of at least so many radians
+SHARP = ((0.1, 1), (0.5, 2), (1.2, 3))  # panels shrink so many times towards a kink of at least so many radians
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,7 @@ def scattered(
     theta = sign * radians(incoming.theta_deg)
 
     def window(n: int, round_: int) -> list[Fields]:
-        how = effort.resolution(wavelength, index, solver.tol, round_)
+        how = effort.resolution(surface, wavelength, index, solver.tol, round_)
         curve = piece(surface, middles[n], taper, how)
         price = effort.cost(curve.size, index, len(polarisations), len(theta), False)
         effort.require_affordable(price, f"a piece of {np.ptp(curve.x):.3g} µm at {wavelength_nm:g} nm")
@@ -72,14 +72,14 @@ def scattered(
 
     rounds: list[int] = []
 
-    def run(round_: int) -> tuple[Floats, list[Fields]]:
+    def run(round_: int) -> tuple[Floats, list[Fields], float]:
         found = window(len(middles) // 2, round_)
         rounds.append(round_)
         brdf = means(found)[0]
-        return brdf.reshape(-1, brdf.shape[-1]), found
+        return brdf.reshape(-1, brdf.shape[-1]), found, 0.0
 
     _, middle, error = effort.converged(run, solver.tol)
-    every = [middle if n == len(middles) // 2 else window(n, rounds[-1]) for n in range(len(middles))]
+    every = [middle if n == len(middles) // 2 else window(n, max(rounds)) for n in range(len(middles))]
     pairs = [means(found) for found in every]
     brdf = np.stack([p[0] for p in pairs])
     if len(middles) > 1:
