@@ -33,6 +33,7 @@ RECEPTORS_DEG = {20.0: (1.8, 3.6), 60.0: (4.4, 11.7), 85.0: (4.0, 6.0)}
 HAZE_OFFSET_DEG = 1.9  # ISO 13803: receptors of the 20° geometry at 18.1° and 21.9°
 NEAR_DEG = 0.5  # an angle of incidence this near the standard's is the same
 LARGEST_ERROR = 0.1
+TURNS = 192
 Luminance = Callable[[Geometry], Floats]  # luminous mean of f in sr⁻¹ at pairs of directions
 
 
@@ -85,6 +86,10 @@ def of_data(data: xr.Dataset, angle: float, every: int = 1, ratio: float = 0.0) 
     mirror = -np.deg2rad(angle)
     # thinned outwards from the sample at the mirror direction, so that the peak is never lost by the choice
     middle = int(np.abs(theta - mirror).argmin()) if theta.size else 0
+    if not theta.size or abs(theta[middle] - mirror) > np.deg2rad(RECEPTORS_DEG[angle][0]) / 2:
+        raise InputError(
+            f"no value within the receptor about the mirror direction of {angle:g}°: the angles are too coarse"
+        )
     kept = np.arange(theta.size) % every == middle % every
     if kept.sum() < 3:
         raise InputError(f"fewer than three values at an angle of incidence of {angle:g}°")
@@ -142,7 +147,7 @@ def _in_receptor(luminance: Luminance, source: Floats, centre: float, width: lis
     t, dt = np.polynomial.legendre.leggauss(40)
     t, dt = (t + 1) / 2, dt / 2
     kappa = 7.0 if inside else 0.01
-    psi = (np.arange(96) + 0.5) / 96 * 2 * np.pi
+    psi = (np.arange(TURNS) + 0.5) / TURNS * 2 * np.pi
     c, s = np.cos(psi), np.sin(psi)
     rim = np.minimum((np.sign(c) * width[0] - x0) / c, (np.sign(s) * width[1] - y0) / s)
     r = rim[:, None] * np.expm1(kappa * t) / np.expm1(kappa)
