@@ -171,10 +171,24 @@ def wave_groups(scene: Scene) -> dict[str, str]:
 def measured(scene: Scene) -> xr.Dataset:
     """The measured BRDF of [measured]."""
     from . import measure
+    from .measure import readers
 
     asked = _required(scene.measured, "measured")
-    given: dict[str, Any] = {} if asked.format is None else {"format": asked.format}
-    return measure.read(scene.resolve(asked.file), **given)
+    path = scene.resolve(asked.file)
+    given = {k: v for k, v in asked.model_dump(exclude={"file"}).items() if v is not None}
+    known = readers.options(readers.FORMATS[readers.recognise(path, asked.format)].read)
+    return measure.read(path, **{k: v for k, v in _scene_angles(scene).items() if k in known} | given)
+
+
+def _scene_angles(scene: Scene) -> dict[str, Any]:
+    """The angles of the scene as options of readers that can read at any: what is simulated is then compared."""
+    angles: dict[str, Any] = {} if scene.light is None else {"theta_i_deg": scene.light.theta_i_deg}
+    asked = scene.measured
+    if scene.detector is None or (asked and (asked.theta_o_deg or asked.resolution_deg)):
+        return angles
+    if scene.detector.kind == "hemisphere":
+        return angles | {"resolution_deg": scene.detector.resolution_deg or 5.0}
+    return angles | {"theta_o_deg": scene.detector.theta_o_deg}
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from . import display, doctor, fit, render, results, simulate, surface, sweep
+from . import display, doctor, fit, measured, render, results, simulate, surface, sweep
 
 app = typer.Typer(
     name="vgonio",
@@ -41,6 +41,7 @@ app.command("sweep")(sweep.sweep)
 app.command("plan")(simulate.plan)
 app.command("init")(simulate.init)
 app.add_typer(surface.app, name="surface")
+app.add_typer(measured.app, name="measured")
 app.command("compare")(results.compare)
 app.command("fit")(fit.fit)
 app.command("report")(results.report)

@@ -1,4 +1,4 @@
-"""3. The instrument: source, detector, results and their files, readers of measured BRDFs."""
+"""3. The instrument: source, detector, calibration, results and their files, readers of measured BRDFs."""
 
 from __future__ import annotations
 
@@ -8,10 +8,22 @@ from typing import Any
 from .gonioreflectometer import Gonioreflectometer
 from .storage import open, save
 
-__all__ = ["Gonioreflectometer", "open", "read", "save", "write"]
+# name: module, loaded when first asked for
+_LATER = {
+    "Instrument": "instrument",
+    "Spectrometer": "calibration",
+    "Tilt": "calibration",
+    "calibrate": "calibration",
+    "calibration_factor": "calibration",
+    "cross_validate": "cross_validation",
+    "grazing_spectra": "cross_validation",
+    "read": "readers",
+    "write": "readers",
+}
+__all__ = ["Gonioreflectometer", "open", "save", *_LATER]
 
 
 def __getattr__(name: str) -> Any:
-    if name in ("read", "write"):
-        return getattr(importlib.import_module("vgonio.measure.readers"), name)
+    if name in _LATER:
+        return getattr(importlib.import_module(f"vgonio.measure.{_LATER[name]}"), name)
     raise AttributeError(f"module 'vgonio.measure' has no attribute {name!r}")

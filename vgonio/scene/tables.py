@@ -209,8 +209,19 @@ class Wave(Table):
 
 
 class Measured(Table):
+    """A measured BRDF; everything but `file` and `format` goes to its reader, where it is checked."""
+
     file: str
     format: str | None = None
+    unit: str | None = None
+    wavelength_unit: str | None = None
+    negative: str | None = None
+    duplicates: str | None = None
+    # of formats that hold functions of two directions; by default the angles of [light] and [detector]
+    theta_i_deg: Numbers | None = None
+    theta_o_deg: Numbers | None = None
+    resolution_deg: float | None = None
+    wavelength_nm: float | None = None
 
 
 class Output(Table):

@@ -10,10 +10,11 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from ...errors import FileFormatError, InputError, nearest
@@ -28,7 +29,7 @@ from ..writers import zemax as _zemax
 from . import astm, gonio_json, merl, netcdf, nist_csv, plain_csv, rgl, zemax
 from .checks import Repairs, sound
 
-__all__ = ["FORMATS", "Format", "Repairs", "read", "write", "writers"]
+__all__ = ["FORMATS", "Format", "Repairs", "divided", "facts", "options", "read", "recognise", "write", "writers"]
 
 
 @dataclass(frozen=True)
@@ -75,13 +76,13 @@ def read(
     wavelength_unit: str | None = None,
     negative: str = "missing",
     duplicates: str = "error",
-    **options: Any,
+    **given: Any,
 ) -> xr.Dataset:
     """Read a measured BRDF; the format is found by content, then by suffix, unless it is named.
 
     unit, wavelength_unit, negative, duplicates : repairs of bad data, see `measure.readers.checks`
-    options : of the format. MERL, RGL and Zemax hold functions of two directions and are read at angles: theta_i_deg
-    and theta_o_deg (signed, in plane) or resolution_deg (a hemisphere); Zemax and single ASTM columns take
+    given : options of the format. MERL, RGL and Zemax hold functions of two directions and are read at angles:
+    theta_i_deg and theta_o_deg (signed, in plane) or resolution_deg (a hemisphere); Zemax and single ASTM columns take
     wavelength_nm.
     Returns brdf (theta_i, theta_o, wavelength) in sr⁻¹ over sorted coordinates, signed in-plane angles in degrees, or
     (theta_i, cell, wavelength) where directions are out of plane; what was not measured is NaN. brdf_stderr is there
@@ -90,25 +91,71 @@ def read(
     for an unknown format or option.
     """
     path = Path(path)
+    name = recognise(path, format)
+    repairs = Repairs(unit, wavelength_unit, negative, duplicates)
+    reader = FORMATS[name].read
+    _check_options(given, reader, f"reading {name}")
+    data = reader(path, repairs, **given)
+    return data if name == "netcdf" else sound(data, str(path), repairs)
+
+
+def options(function: Callable[..., Any]) -> list[str]:
+    """Names of the options of a format's `read` or `write`."""
+    parameters = inspect.signature(function).parameters.values()
+    return [p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY]
+
+
+def _check_options(given: dict[str, Any], function: Callable[..., Any], what: str) -> None:
+    known = options(function)
+    for option in given:
+        if option not in known:
+            hint = nearest(option, known) if known else "it has none"
+            raise InputError(f"{what} knows no option {option!r}: {hint}")
+
+
+def divided(
+    given: dict[str, Any], source: Path, format: str | None, target: Path, to: str | None
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Options of a conversion, for reading and for writing; one that both know goes to both.
+
+    Raises InputError for an option that neither knows.
+    """
+    reader, writer = FORMATS[recognise(source, format)].read, _writer(target, to)[1]
+    known = ([f.name for f in fields(Repairs)] + options(reader), options(writer))
+    for name in given:
+        if not any(name in names for names in known):
+            raise InputError(f"no option {name!r} of reading or writing: {nearest(name, {*known[0], *known[1]})}")
+    return {k: v for k, v in given.items() if k in known[0]}, {k: v for k, v in given.items() if k in known[1]}
+
+
+def facts(data: xr.Dataset) -> dict[str, Any]:
+    """What a BRDF holds, for people: angles, wavelengths, values, and the notes of its reader."""
+    theta_i, nm, values = data["theta_i"].values, data["wavelength"].values, data["brdf"].values
+    where = f"{data.sizes['cell']} cells" if "cell" in data["brdf"].dims else f"{data.sizes['theta_o']} in plane"
+    theta_o = data["theta_o"].values
+    notes = ("source", "comment", "description", "channels", "units_assumed", "interpolation", "repairs")
+    return {
+        "theta_i_deg": f"{theta_i.size}: {theta_i.min():g} … {theta_i.max():g}",
+        "directions": f"{where}, θ_o {theta_o.min():g} … {theta_o.max():g}°",
+        "wavelength_nm": f"{nm.size}: {nm.min():g} … {nm.max():g}",
+        "brdf_per_sr": f"{np.nanmin(values):.4g} … {np.nanmax(values):.4g}",
+        "missing": f"{np.isnan(values).mean():.1%} of the grid",
+        "errors": "yes" if "brdf_stderr" in data else "no",
+        **{k: data.attrs[k] for k in notes if data.attrs.get(k)},
+    }
+
+
+def recognise(path: str | os.PathLike[str], format: str | None = None) -> str:
+    """Name of the format of a file, by content, then by suffix, unless it is given.
+
+    Raises FileFormatError for a file that is missing or of no known format, InputError for an unknown name.
+    """
+    path = Path(path)
     if not path.is_file():
         raise FileFormatError(f"no such file: {path}")
     if format is not None and format not in FORMATS:
         raise InputError(f"unknown format {format!r} of measured data: {nearest(format, FORMATS)}")
-    repairs = Repairs(unit, wavelength_unit, negative, duplicates)
-    name = format or _recognise(path)
-    reader = FORMATS[name].read
-    _check_options(options, reader, f"reading {name}")
-    data = reader(path, repairs, **options)
-    return data if name == "netcdf" else sound(data, str(path), repairs)
-
-
-def _check_options(options: dict[str, Any], function: Callable[..., Any], what: str) -> None:
-    parameters = inspect.signature(function).parameters.values()
-    known = [p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY]
-    for option in options:
-        if option not in known:
-            hint = nearest(option, known) if known else "it has none"
-            raise InputError(f"{what} knows no option {option!r}: {hint}")
+    return format or _recognise(path)
 
 
 def _recognise(path: Path) -> str:
@@ -128,7 +175,7 @@ def _recognise(path: Path) -> str:
     raise FileFormatError(f"{path} is of no known format of measured BRDFs. Known are {known}")
 
 
-def write(dataset: xr.Dataset, path: str | os.PathLike[str], format: str | None = None, **options: Any) -> Path:
+def write(dataset: xr.Dataset, path: str | os.PathLike[str], format: str | None = None, **given: Any) -> Path:
     """Write a BRDF under a temporary name, then rename; the format is found by suffix unless it is named.
 
     Returns the path. Options are those of the format's `write`; MERL, RGL and Zemax need `fill` for in-plane data,
@@ -137,6 +184,13 @@ def write(dataset: xr.Dataset, path: str | os.PathLike[str], format: str | None 
     be written.
     """
     path = Path(path)
+    name, writer = _writer(path, format)
+    _check_options(given, writer, f"writing {name}")
+    return writer(dataset, path, **given)
+
+
+def _writer(path: Path, format: str | None) -> tuple[str, Callable[..., Path]]:
+    """Name of the format to write and its function, by suffix unless it is named."""
     writable = {name: entry for name, entry in FORMATS.items() if entry.write}
     if format is None:
         format = next((name for name, entry in writable.items() if path.suffix.lower() in entry.suffixes), None)
@@ -147,5 +201,4 @@ def write(dataset: xr.Dataset, path: str | os.PathLike[str], format: str | None 
         raise InputError(f"{format!r} is no format that can be written: {nearest(format, writable)}")
     writer = writable[format].write
     assert writer is not None  # by the selection above
-    _check_options(options, writer, f"writing {format}")
-    return writer(dataset, path, **options)
+    return format, writer

@@ -1,0 +1,117 @@
+"""`vgonio measured` and the table [measured] of a scene."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from vgonio import scene
+from vgonio.assembly import measured
+from vgonio.cli import main
+from vgonio.measure import readers
+from vgonio.measure.isotropic import sampled
+
+
+@pytest.fixture
+def plane(tmp_path, facets):
+    return readers.write(sampled(facets(0.4, 0.3), [0, 30, 60]), tmp_path / "sample.json")
+
+
+def test_convert_and_back(tmp_path, plane, capsys):
+    """JSON to every other format and back: in plane within what each keeps."""
+    data = readers.read(plane)
+    for name, options, tolerance in (
+        ("a.csv", [], 1e-8),
+        ("a.astm", [], 1e-8),
+        ("a.nc", [], 0),
+        ("a.bsdf", ["--fill", "half-angle"], 0.03),
+    ):
+        assert main(["measured", "convert", str(plane), str(tmp_path / name), *options]) == 0
+        asked = {} if name != "a.bsdf" else {"theta_i_deg": [0, 30, 60], "theta_o_deg": np.arange(-75, 76, 5)}
+        back = readers.read(tmp_path / name, **asked)
+        expected = data.brdf.sel(theta_o=asked.get("theta_o_deg", data.theta_o))
+        np.testing.assert_allclose(back.brdf, expected, rtol=tolerance, err_msg=name)
+    assert "in plane" in capsys.readouterr().out
+
+
+def test_options_go_where_they_are_known(tmp_path, plane, capsys):
+    target = tmp_path / "z.bsdf"
+    command = ["measured", "convert", str(plane), str(target), "--to", "zemax", "--fill", "azimuth"]
+    assert main([*command, "--set", "wavelength_nm=550", "--set", "negative=error"]) == 0
+    assert readers.recognise(target) == "zemax"
+    assert main(["measured", "info", str(target), "--json", "--set", "theta_o_deg=[-30, 0, 30]"]) == 0
+    out = capsys.readouterr().out
+    facts = json.loads(out[out.index("{") :])
+    assert facts["wavelength_nm"] == "1: 550 … 550"
+    assert facts["directions"] == "3 in plane, θ_o -30 … 30°"
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        (["convert", "FILE", "out.bsdf"], "in-plane data do not say"),
+        (["convert", "FILE", "out.xyz"], "suffix"),
+        (["convert", "FILE", "FILE"], "overwrite"),
+        (["convert", "FILE", "out.csv", "--set", "digit=3"], "did you mean 'digits'"),
+        (["convert", "FILE", "out.csv", "--set", "a.b=3"], "no dots"),
+        (["info", "absent.json"], "no such file"),
+        (["info", "FILE", "--format", "merl"], "no MERL file"),
+        (["cross-validate", "FILE"], "two and more"),
+    ],
+)
+def test_bad_requests_are_one_line(tmp_path, plane, monkeypatch, capsys, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    assert main(["measured", *(str(plane) if a == "FILE" else a for a in arguments)]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_cross_validate(tmp_path, plane, capsys):
+    other = readers.write(readers.read(plane).map(lambda v: v * 1.02), tmp_path / "other.csv", digits=17)
+    assert main(["measured", "cross-validate", str(plane), str(other), "--reference", "sample.json", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [r["theta_i_deg"] for r in rows] == [0, 30, 60, None]
+    assert rows[-1]["bias"] == pytest.approx(0.02)
+    assert rows[-1]["name"] == "other.csv"
+    assert main(["measured", "cross-validate", str(plane), str(other)]) == 0
+    assert "mean of all" in capsys.readouterr().out
+
+
+def test_formats_are_listed(capsys):
+    assert main(["measured", "formats", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert {r["format"] for r in rows} == set(readers.FORMATS)
+    assert [r["format"] for r in rows if r["can"] == "read"] == ["nist-csv"]
+
+
+# ---- in a scene
+def loaded(**measured_table):
+    tables = {
+        "light": {"wavelength_nm": [450, 550], "theta_i_deg": [0, 20]},
+        "detector": {"theta_o_deg": [-40, -20, 10]},
+        "measured": measured_table,
+    }
+    return scene.load_scene(tables)
+
+
+def test_a_scene_reads_at_its_own_angles(tmp_path, facets):
+    """MERL and RGL are functions of two directions: in a scene they are read at the angles of light and detector."""
+    brdf = facets(0.4, 0.3)
+    readers.write(sampled(brdf), tmp_path / "a.bsdf", fill=brdf)
+    data = measured(loaded(file=str(tmp_path / "a.bsdf")))
+    assert data.theta_i.values.tolist() == [0, 20]
+    assert data.theta_o.values.tolist() == [-40, -20, 10]
+    own = loaded(file=str(tmp_path / "a.bsdf"), theta_i_deg=[5], resolution_deg=20)
+    assert measured(own).brdf.dims == ("theta_i", "cell", "wavelength")
+
+
+def test_a_scene_names_the_unit(tmp_path, plane):
+    data = readers.read(plane)
+    percent = readers.write(data.map(lambda v: v * 100), tmp_path / "percent.json")
+    found = measured(loaded(file=str(percent), unit="percent"))
+    np.testing.assert_allclose(found.brdf, data.brdf, rtol=1e-12)

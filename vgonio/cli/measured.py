@@ -1,0 +1,158 @@
+"""Commands on measured BRDFs: measured info, convert, cross-validate, formats."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..errors import InputError
+from .common import Json, Quiet, Threads, print_json, print_table, say
+
+app = typer.Typer(
+    help="Look at a measured BRDF, change its format, compare instruments.\n\n"
+    "Example: vgonio measured info sample.json",
+    rich_markup_mode=None,
+)
+File = Annotated[Path, typer.Argument(metavar="FILE", help="BRDF of any known format.", show_default=False)]
+Format = Annotated[str | None, typer.Option("--format", help="Of FILE, where its content does not say it.")]
+Options = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Of reading or writing, as in --set unit=percent. Repeatable."),
+]
+
+
+def _options(texts: list[str] | None) -> dict[str, Any]:
+    from ..scene import parse_override
+
+    given: dict[str, Any] = {}
+    for text in texts or ():
+        keys, value = parse_override(text)
+        if len(keys) > 1:
+            raise InputError(f"--set {text!r}: an option of reading or writing has no dots")
+        given[keys[0]] = value
+    return given
+
+
+@app.command()
+def info(
+    file: File,
+    format: Format = None,
+    options: Options = None,
+    as_json: Json = False,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Print what a file holds and what was repaired.
+
+    Options: unit, wavelength_unit, negative, duplicates; theta_i_deg, theta_o_deg or resolution_deg, wavelength_nm.
+
+    Example: vgonio measured info alum-bronze.binary --set resolution_deg=5
+    """
+    from ..measure import readers
+
+    data = readers.read(file, format, **_options(options))
+    facts = readers.facts(data)
+    if as_json:
+        print_json({"file": str(file), **facts})
+    else:
+        print_table("", ("quantity", "value"), list(facts.items()))
+
+
+@app.command()
+def convert(
+    file: File,
+    output: Annotated[
+        Path, typer.Argument(metavar="OUT", help="New file: .json .csv .nc .binary .bsdf .astm", show_default=False)
+    ],
+    format: Format = None,
+    to: Annotated[
+        str | None, typer.Option("--to", metavar="FORMAT", help="Of OUT, as in --to zemax.", show_default="its ending")
+    ] = None,
+    fill: Annotated[
+        str | None,
+        typer.Option("--fill", help="Azimuths that in-plane data lack: half-angle (lobes), azimuth (diffuse)."),
+    ] = None,
+    options: Options = None,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Convert a BRDF to another format.
+
+    The ending of OUT says into which; .bsdf is RGL, which Mitsuba's plug-in "measured" renders. Formats that hold
+    all directions need --fill where the data are in plane only.
+
+    Example: vgonio measured convert sample.json sample.bsdf --fill half-angle
+    """
+    from ..measure import readers
+
+    if output.exists() and output.resolve() == file.resolve():
+        raise InputError(f"{output} would overwrite the file that is read")
+    given = _options(options) | ({} if fill is None else {"fill": fill})
+    reading, writing = readers.divided(given, file, format, output, to)
+    data = readers.read(file, format, **reading)
+    say(f"{readers.write(data, output, to, **writing)}: {readers.facts(data)['directions']}")
+
+
+@app.command("cross-validate")
+def cross_validate(
+    files: Annotated[list[Path], typer.Argument(metavar="A B [C …]", help="BRDFs of one sample.", show_default=False)],
+    reference: Annotated[
+        str | None, typer.Option("--reference", metavar="NAME", help="File name of it.", show_default="mean of all")
+    ] = None,
+    wavelength_nm: Annotated[
+        float | None, typer.Option("--wavelength", metavar="NM", help="One wavelength.", show_default="all common")
+    ] = None,
+    as_json: Json = False,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Compare instruments that measured one sample, at their common angles.
+
+    Deviations are relative to the reference: mean, largest, and mean with sign.
+
+    Example: vgonio measured cross-validate ours.json nist.csv --reference nist.csv --wavelength 633
+    """
+    from .. import measure
+
+    data = {(f.name if [g.name for g in files].count(f.name) == 1 else str(f)): measure.read(f) for f in files}
+    rows = measure.cross_validate(data, reference=reference, wavelength_nm=wavelength_nm)
+    if as_json:
+        print_json(rows)
+        return
+    columns = ("data", "θ_i", "angles", "mean", "largest", "bias", "largest at θ_o", "nm")
+    percent = [[f"{r[k]:.2%}" for k in ("mean", "largest", "bias")] for r in rows]
+    print_table(
+        f"relative to {rows[0]['reference']}",
+        columns,
+        [
+            (
+                r["name"],
+                "all" if r["theta_i_deg"] is None else f"{r['theta_i_deg']:g}°",
+                r["angles"],
+                *p,
+                f"{r['largest_theta_o_deg']:g}°",
+                f"{r['largest_wavelength_nm']:g}",
+            )
+            for r, p in zip(rows, percent)
+        ],
+    )
+
+
+@app.command()
+def formats(as_json: Json = False, quiet: Quiet = False) -> None:
+    """List the formats that are read and written.
+
+    Example: vgonio measured formats
+    """
+    from ..measure.readers import FORMATS
+
+    rows = [
+        (name, " ".join(entry.suffixes), "read, write" if entry.write else "read", entry.summary)
+        for name, entry in FORMATS.items()
+    ]
+    if as_json:
+        print_json([dict(zip(("format", "endings", "can", "what"), r)) for r in rows])
+    else:
+        print_table("", ("format", "endings", "can", "what"), rows)
