@@ -73,7 +73,7 @@ def orders(solver: FullWave, surface: Heightfield, theta_i_deg: Any) -> xr.Datas
         found.append(solved(solver, surface, radians(theta), float(w), polarisations))
         if solver.progress is not None:
             solver.progress((n + 1) / len(wavelengths))
-    said = [r for (table, _), w in zip(found, wavelengths) for r in _remarks(table, float(w), theta, polarisations)]
+    said = [r for (table, _), w in zip(found, wavelengths) for r in _remarks(table, float(w), theta)]
     error = max(e for _, e in found)
     solver.warn(error, said)
     data = _orders_dataset([table for table, _ in found], theta, wavelengths, polarisations)
@@ -122,15 +122,14 @@ def _orders_dataset(tables: list[Table], theta: Floats, wavelengths: Floats, pol
     return xr.Dataset(variables, coords)
 
 
-def _remarks(table: Table, wavelength_nm: float, theta: Floats, polarisations: tuple[str, ...]) -> list[str]:
+def _remarks(table: Table, wavelength_nm: float, theta: Floats) -> list[str]:
     every = [d for row in table for d in row]
     worst = remarks.Quality.worst(
         [remarks.Quality(d.unknowns, d.condition, d.residual, abs(1 - d.reflected - d.absorbed)) for d in every]
     )
     said = worst.remarks()
-    for p, row in zip(polarisations, table):
-        for t, d in zip(theta, row):
-            said += remarks.of_grating(d, wavelength_nm * 1e-3, float(t), p)
+    for i, t in enumerate(theta):
+        said += remarks.of_grating([row[i] for row in table], wavelength_nm * 1e-3, float(t))
     return said
 
 
@@ -166,7 +165,7 @@ def scattered(
         stderr=np.broadcast_to(error * brdf.max(axis=-1, keepdims=True), brdf.shape),
         unknowns=max(d.unknowns for row in table for d in row),
         error=error,
-        remarks=_remarks(table, wavelength_nm, incoming.theta_deg, polarisations),
+        remarks=_remarks(table, wavelength_nm, incoming.theta_deg),
         attrs={
             "coherence_um": taper,
             "period_um": surface.period_um or surface.size_um[1],

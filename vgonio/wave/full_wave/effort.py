@@ -37,7 +37,7 @@ class Cost:
 
 def resolution(surface: Heightfield, wavelength: float, index: complex | None, tol: float, round_: int) -> Resolution:
     """Panels of the `round_`-th solution: shorter inside a material where the wavelength is; of lower order where
-    there are corners, which many short panels surround (not on a perfect conductor, whose current is infinite there)."""
+    there are corners, which many short panels surround (not so for perfect conductors: currents are infinite there)."""
     inside = 1.0 if index is None else max(1.0, complex(index).real)
     few = surface.interpolation != "cubic" and tol >= LAX and index is not None
     longest = COARSE * (FEW / ORDER if few else 1.0) * wavelength / inside / FINER**round_

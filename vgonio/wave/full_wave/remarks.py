@@ -46,14 +46,14 @@ class Quality:
         return out
 
 
-def of_grating(d: Diffraction, wavelength: float, theta_i_deg: float, polarisation: str) -> list[str]:
-    """Remarks on one incidence of a grating."""
-    if d.grazing > NEAR_WOOD:
+def of_grating(found: list[Diffraction], wavelength: float, theta_i_deg: float) -> list[str]:
+    """Remarks on one incidence of a grating, its polarisations in a list."""
+    if found[0].grazing > NEAR_WOOD:
         return []
     return [
         f"Wood's anomaly: at {theta_i_deg:g}° and {wavelength * 1e3:g} nm an order leaves within "
-        f"{np.degrees(d.grazing):.2g}° of grazing; efficiencies change fast there ({polarisation}, condition number "
-        f"{d.condition:.1e})"
+        f"{np.degrees(found[0].grazing):.2g}° of grazing; efficiencies change fast there (condition number "
+        f"{max(d.condition for d in found):.1e})"
     ]
 
 
