@@ -147,10 +147,28 @@ def _ray_stages(scene: Scene, surface: Heightfield | None) -> list[Stage]:
             "trace",
             True,
             "one trace serves all wavelengths",
-            "embreex",
-            f"{asked.rays * angles:,} rays: {asked.rays:,} × {angles} angles{cap}",
+            {"embree": "embreex", "warp": "warp-lang"}.get(asked.tracer, "numpy"),
+            f"{asked.rays * angles:,} rays: {asked.rays:,} × {angles} angles{cap}{_rays_beside(scene)}",
         ),
     ]
+
+
+def _rays_beside(scene: Scene) -> str:
+    """What polarisation and statistics cost beside the trace."""
+    asked, light = scene.geometric, scene.light
+    if asked is None or light is None:
+        return ""
+    angles, elements = len(light.theta_i_deg), detector_elements(scene)
+    parts = []
+    if asked.polarised:
+        numbers = 16 * angles * elements * len(light.wavelength_nm)
+        # each with its error in double precision; measured: in plane few paths are caught, on a hemisphere all
+        whole = scene.detector is not None and scene.detector.theta_o_deg is None
+        slower = f", about {1 + 0.1 * len(light.wavelength_nm):.1f} times the seconds" if whole else ""
+        parts.append(f"Mueller matrices of {numbers:,} elements ({16 * numbers / 1e6:.1f} MB){slower}")
+    if asked.statistics:
+        parts.append(f"statistics of {min(asked.rays, 50_000) * angles:,} rays more")
+    return "".join(f", {part}" for part in parts)
 
 
 def _wave_stages(scene: Scene, surface: Heightfield | None) -> list[Stage]:
@@ -159,8 +177,9 @@ def _wave_stages(scene: Scene, surface: Heightfield | None) -> list[Stage]:
     from .wave.coherence import tile
 
     light = scene.light
-    scalar = [t for t in scene.wave.theory if t != "full-wave"]
-    rigorous = [_full_wave_stage(scene, surface)] if len(scalar) < len(scene.wave.theory) else []
+    scalar = [t for t in scene.wave.theory if t not in ("full-wave", "iterated-kirchhoff")]
+    rigorous = [_full_wave_stage(scene, surface)] if "full-wave" in scene.wave.theory else []
+    rigorous += [_iterated_stage(scene, surface)] if "iterated-kirchhoff" in scene.wave.theory else []
     if not scalar:
         return [*_left_out(("interpolate", "transform"), "no theory asked for integrates the surface once"), *rigorous]
     count = len(light.theta_i_deg) * len(light.wavelength_nm) * detector_elements(scene) * len(scalar)
@@ -205,6 +224,14 @@ def _trust_stage(surface: Heightfield, theories: list[str], light: Light) -> Sta
         return Stage("expected error", False, "no rigorous grating is like this surface: see the warnings")
     most = "; ".join(f"{e.theory} {e.error[1]:.1%}, worst at {e.theta_i_deg:g}°" for e in found)
     return Stage("expected error", True, f"{most}; from rigorous gratings like this surface (docs/trust.md)")
+
+
+def _iterated_stage(scene: Scene, surface: Heightfield) -> Stage:
+    from .wave.iterated.forecast import forecast
+
+    solver = assembly.waves(scene, "iterated-kirchhoff")
+    what, cost = forecast(solver, surface, assembly.gonioreflectometer(scene).incoming)
+    return Stage("iterate", True, what, "numpy" if surface.is_profile else "pyopencl", cost)
 
 
 def _dearer(scene: Scene) -> str:

@@ -7,6 +7,7 @@
 from .brdf_figures import decomposition, energy, lobes, wave_energy
 from .fit_figures import beside_measured, explained, models_beside, shift_parts
 from .hemisphere_figures import polar_decomposition, polar_maps
+from .path_figures import mueller, ways
 from .spectral_figures import delta_e_maps, rgb_maps, shift_slopes, spectra
 from .surface_figures import height_histogram, psd, slope_histogram, surface_map
 
@@ -18,6 +19,7 @@ __all__ = [
     "explained",
     "height_histogram",
     "lobes",
+    "mueller",
     "models_beside",
     "polar_decomposition",
     "polar_maps",
@@ -28,5 +30,6 @@ __all__ = [
     "slope_histogram",
     "spectra",
     "surface_map",
+    "ways",
     "wave_energy",
 ]

@@ -11,6 +11,7 @@ from . import figures, tables
 from . import quantities as q
 from .colour_sections import colour_differences, colour_section, spectra_section
 from .content import Content
+from .path_sections import optional_sections
 from .section import Detail, Section
 from .shifts import comparison_of, shift_slopes
 from .tables import Table, number, percent
@@ -31,6 +32,7 @@ def compose(content: Content) -> tuple[Verdict, list[Section]]:
         lambda: colour_section(content, colour),
         lambda: spectra_section(content, slopes, comparison),
         lambda: energy_section(content),
+        *optional_sections(content),
         lambda: agreement_section(content, agreements, colour),
         lambda: error_section(content),
         lambda: plan_section(content),
