@@ -81,3 +81,12 @@ def test_what_is_refused():
         c.encode(np.ones(3), "AdobeRGB")
     with pytest.raises(InputError, match="not above black"):
         c.normalise(np.ones(3), np.ones(3), np.ones(3))
+
+
+def test_nothing_is_emitted_beyond_the_ends_of_a_spectrum():
+    short = np.arange(400.0, 701.0, 5.0)
+    padded = np.concatenate([[380.0, 399.999], short, [700.001, 780.0]])
+    spectrum = np.linspace(1, 2, short.size)
+    a = c.spectra_to_xyz(spectrum, short)
+    b = c.spectra_to_xyz(np.concatenate([[0, 0], spectrum, [0, 0]]), padded)
+    np.testing.assert_allclose(a, b, rtol=1e-4)

@@ -172,3 +172,10 @@ def test_spectra_in_the_wrong_unit_are_noticed():
     readings = vd.virtual_display().measure(vd.ramp_colours(18))
     with pytest.warns(VgonioWarning, match="implausible"):
         vd.fit(vd.Readings(readings.rgb, 1e3 * readings.spectra, readings.wavelength_nm))
+
+
+def test_condition_does_not_depend_on_how_bright_the_channels_are(model):
+    from dataclasses import replace
+
+    dim = replace(model, primaries=model.primaries * np.array([100.0, 1.0, 0.01])[:, None])
+    assert dim.condition == pytest.approx(model.condition, rel=1e-9)

@@ -176,3 +176,8 @@ def test_patches_and_primaries_from_files(tmp_path):
         vd.primaries(csv(tmp_path, "380,1,2\n390,1,2\n"))
     with pytest.raises(FileFormatError, match="wavelength"):
         vd.primaries(csv(tmp_path, "nm,R,G,B\n"))
+
+
+def test_argylls_rgb_is_percent_whatever_the_largest_value(tmp_path, readings):
+    dim = readings.where(np.flatnonzero(readings.rgb.max(axis=1) < 0.6))
+    np.testing.assert_allclose(vd.read(ti3(tmp_path, dim, normalised=False))[0].rgb, dim.rgb, atol=1e-9)

@@ -225,3 +225,32 @@ def test_unknown_deviations_and_names():
         vd.virtual_display("wide-gamut", white_cd_m2=1, black_cd_m2=2)
     with pytest.raises(InputError, match="cie-224"):
         vd.patches("sg")
+
+
+def test_the_light_of_black_belongs_to_no_channel():
+    """A display that obeys the model, however bright its black: no assumption costs anything."""
+    found = examined(levels=18, tone=2.2, white_cd_m2=80, black_cd_m2=8.0).check.assumptions
+    assert max(found.costs().values()) < 1e-3
+    np.testing.assert_allclose(found.luminance, 0, atol=1e-9)
+
+
+def test_patches_are_lit_by_the_measured_white(model):
+    """Not by the sum of the primaries, where that is another: reflectance × measured white, integrated by hand."""
+    from dataclasses import replace
+
+    from vgonio.display.colorimetry import normalise, spectra_to_xyz
+
+    nm = model.wavelength_nm
+    tilted = replace(model, white=model.white * np.linspace(0.8, 1.2, nm.size))
+    ramp = np.linspace(0.1, 0.9, nm.size)
+    found = vd.targets(tilted, vd.Patches(("ramp",), nm, ramp[None]))
+    wanted = normalise(spectra_to_xyz(ramp * tilted.white, nm), tilted.black_xyz, tilted.white_xyz)
+    np.testing.assert_allclose(found.reference[0], wanted, rtol=1e-12)
+
+
+def test_a_virtual_display_drifts_through_the_whole_session():
+    display = vd.virtual_display("wide-gamut", drift=0.05)
+    _, everything = vd.examine_virtual(display, vd.patches("colorchecker"), levels=10)
+    for i in (0, 29, 30, 60, len(everything) - 1):
+        alone = display.show(everything.rgb[i : i + 1], start=i)[0]
+        np.testing.assert_allclose(everything.spectra[i], alone, rtol=1e-12)

@@ -217,3 +217,17 @@ def test_luts_that_are_refused(panel, tmp_path):
         vd.write_cube(tmp_path / "a.cube", np.zeros((3, 3, 2, 3)), "t")
     with pytest.raises(InputError, match="0 … 1"):
         vd.write_cube(tmp_path / "a.cube", np.full((3, 3, 3, 3), np.nan), "t")
+
+
+def test_through_the_lut_the_display_shows_what_srgb_means(panel):
+    """Also of a display whose white is not the sum of its channels: the LUT's white is full signal."""
+    from vgonio.display.colorimetry import d65, decode, normalise
+
+    rgb = vd.grid_colours(51)
+    uneven = vd.fit(vd.virtual_display("wide-gamut", white_boost=0.2).measure(vd.ramp_colours(18)))
+    for model in (panel, uneven):
+        shown = normalise(model.xyz(cube_signals(model, rgb, "sRGB")), model.black_xyz, model.xyz(np.ones(3)))
+        difference = delta_e(shown, decode(rgb, "sRGB"), d65())
+        # 0.3 % of sRGB, beside the line from red to blue, lie outside and are clipped
+        assert np.mean(difference < 1e-4) > 0.85
+        assert difference.max() < 0.5
