@@ -200,6 +200,29 @@ def test_what_cannot_be_written(tmp_path, dataset):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_nist_on_the_hemisphere(shared):
+    """All 305 directions; the in-plane ones are those of the in-plane reading, and the total is that of PTFE.
+
+    Sintered PTFE reflects 0.98 to 0.99 in the visible; so does the sum over the cells at all six angles of incidence
+    (0.981 … 0.986), although the table ends at 80° and the nearest values are taken beyond.
+    """
+    path = shared / "data" / "nist_ptfe" / "PTFE.data.csv"
+    whole, plane = readers.read(path, hemisphere=True), readers.read(path)
+    assert whole.brdf.dims == ("theta_i", "cell", "wavelength")
+    assert whole.sizes["cell"] == 305
+    assert float(whole.phi_i) == 180
+    weight = whole.solid_angle * np.cos(np.radians(whole.theta_o))
+    assert float(whole.solid_angle.sum()) == pytest.approx(2 * np.pi, rel=1e-9)
+    # the retro direction is absent: its cell counts as the mean of the others
+    total = (whole.brdf * weight).sum("cell") / weight.where(np.isfinite(whole.brdf)).sum("cell") * np.pi
+    assert ((total.sel(wavelength=[532, 633]) > 0.975) & (total.sel(wavelength=[532, 633]) < 0.99)).all()
+    mirror = (np.abs(whole.theta_o - 64.1581) < 1e-3) & (np.abs(whole.phi_o) < 1e-3)
+    np.testing.assert_array_equal(
+        whole.brdf.isel(cell=np.flatnonzero(mirror)).sel(theta_i=75).values[0],
+        plane.brdf.sel(theta_i=75).sel(theta_o=-64.1581, method="nearest"),
+    )
+
+
 def test_nist_in_plane_table(shared):
     """108 in-plane geometries per wavelength; PTFE at grazing incidence scatters forward: more on the mirror side."""
     data = readers.read(shared / "data" / "nist_ptfe" / "PTFE.data.csv")

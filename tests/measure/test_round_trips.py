@@ -278,6 +278,29 @@ def test_mitsuba_renders_what_is_written(tmp_path, mitsuba, facets, pairs):
     assert np.mean(draws) == pytest.approx(albedo, abs=5 * np.std(draws) / np.sqrt(2000) + 0.003)
 
 
+def test_rgb_variants_of_mitsuba(tmp_path, mitsuba, facets, pairs):
+    """Three channels in place of the spectrum, as RGB variants need them; read back at their nominal wavelengths."""
+    brdf = facets(0.3, 0.2)
+    path = readers.write(sampled(brdf), tmp_path / "a.bsdf", fill=brdf, rgb_nm=(611, 549, 464))
+    wi, wo = pairs(50, 3)
+    loaded, attrs = rgl.load(path)
+    assert loaded.wavelength.tolist() == [611, 549, 464]
+    assert "nominal" in attrs["channels"]
+    mitsuba.set_variant("scalar_rgb")
+    try:
+        bsdf = mitsuba.load_dict({"type": "measured", "filename": str(path)})
+        theirs = []
+        for a, b in zip(wi, wo):
+            si = mitsuba.SurfaceInteraction3f()
+            si.wi = mitsuba.Vector3f(*a)
+            theirs.append(np.array(bsdf.eval(mitsuba.BSDFContext(), si, mitsuba.Vector3f(*b))) / b[2])
+    finally:
+        mitsuba.set_variant("scalar_spectral")
+    np.testing.assert_allclose(loaded(wi, wo), theirs, rtol=1e-4)
+    with pytest.raises(InputError, match="three wavelengths within 450 … 650"):
+        readers.write(sampled(brdf), tmp_path / "b.bsdf", fill=brdf, rgb_nm=(700, 549, 464))
+
+
 @pytest.mark.parametrize("azimuths", [1, 2, 5])
 @pytest.mark.parametrize("jacobian", [0, 1])
 def test_rgl_evaluation_is_mitsubas(tmp_path, mitsuba, azimuths, jacobian, pairs):

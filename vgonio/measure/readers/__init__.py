@@ -60,7 +60,7 @@ FORMATS = {
     "csv": Format(
         (".csv", ".tsv"), "plain CSV, a row for each direction pair", plain_csv.sniff, plain_csv.read, _plain_csv.write
     ),
-    "nist-csv": Format((".csv",), "Mueller BRDF of NIST, in-plane part", nist_csv.sniff, nist_csv.read),
+    "nist-csv": Format((".csv",), "Mueller BRDF of NIST, in plane or whole", nist_csv.sniff, nist_csv.read),
     "merl": Format((".binary",), "MERL, R, G, B in half angles", merl.sniff, merl.read, _merl.write),
     "rgl": Format((".bsdf",), "RGL, as Mitsuba's `measured` renders it", rgl.sniff, rgl.read, _rgl.write),
     "astm": Format((".astm",), "ASTM E1392 and E2387 text", astm.sniff, astm.read, _astm.write),
@@ -83,7 +83,7 @@ def read(
     unit, wavelength_unit, negative, duplicates : repairs of bad data, see `measure.readers.checks`
     given : options of the format. MERL, RGL and Zemax hold functions of two directions and are read at angles:
     theta_i_deg and theta_o_deg (signed, in plane) or resolution_deg (a hemisphere); Zemax and single ASTM columns take
-    wavelength_nm.
+    wavelength_nm; NIST's table is read in plane unless hemisphere=True.
     Returns brdf (theta_i, theta_o, wavelength) in sr⁻¹ over sorted coordinates, signed in-plane angles in degrees, or
     (theta_i, cell, wavelength) where directions are out of plane; what was not measured is NaN. brdf_stderr is there
     where the file has it. Results of vgonio itself (netcdf) are taken as they are.

@@ -15,6 +15,7 @@ import xarray as xr
 from ...errors import FileFormatError
 from .checks import Repairs, check_size, check_values, once
 from .in_plane import dense_dataset
+from .listed import from_rows
 
 # reflected directions within this of φ_r = 0 or 180° count as in plane; the tables list these exactly
 IN_PLANE_DEG = 0.01
@@ -24,8 +25,8 @@ def sniff(head: bytes) -> bool:
     return head.lstrip(b"\xef\xbb\xbf").lower().startswith(b"lambda,thetai,phi")
 
 
-def read(path: Path, repairs: Repairs) -> xr.Dataset:
-    """The in-plane f_r11 of a NIST table; see `measure.readers.read`. Angle pairs that were not measured are NaN."""
+def read(path: Path, repairs: Repairs, *, hemisphere: bool = False) -> xr.Dataset:
+    """The f_r11 of a NIST table, in plane, or all directions (`hemisphere`); see `measure.readers.read`."""
     try:
         with path.open("rb") as file:
             if not sniff(file.read(64)):
@@ -37,6 +38,8 @@ def read(path: Path, repairs: Repairs) -> xr.Dataset:
         raise FileFormatError(f"{path} is truncated or no NIST BRDF table: {e}") from None
     if rows.size == 0 or not np.all(np.isfinite(rows)):
         raise FileFormatError(f"{path} holds no rows, or a value that is not finite")
+    if hemisphere:
+        return _all_directions(path, rows, repairs)
     off = np.abs(rows[:, 4])
     inside = (np.minimum(off, np.abs(180 - off)) <= IN_PLANE_DEG) | (rows[:, 3] <= 0.001)
     plane = rows[inside]
@@ -45,6 +48,15 @@ def read(path: Path, repairs: Repairs) -> xr.Dataset:
     theta_i, theta_o = np.where(np.abs(plane[:, [1, 3]]) <= 0.001, 0.0, plane[:, [1, 3]]).T
     theta_o = np.where(np.abs(plane[:, 4]) < 90, -theta_o, theta_o) + 0.0
     return _assemble(path, np.abs(theta_i), theta_o, plane, len(rows), repairs.duplicates)
+
+
+def _all_directions(path: Path, rows: np.ndarray, repairs: Repairs) -> xr.Dataset:
+    nearly_zero = np.abs(rows[:, [1, 3]]) <= 0.001
+    theta = np.where(nearly_zero, 0.0, np.abs(rows[:, [1, 3]]))
+    # the light comes from negative θ_i, so from the azimuth 180°
+    directions = np.stack([theta[:, 0], rows[:, 2] + 180.0, theta[:, 1], rows[:, 4]], axis=1)
+    attrs = {"source": path.name}
+    return from_rows(directions, rows[:, 0] * 1e3, rows[:, 5], None, repairs, where=str(path), attrs=attrs)
 
 
 def _assemble(

@@ -12,10 +12,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...directions import unit_vectors
-from ...errors import InputError
 from ...files import written_whole
 from ..isotropic import IsotropicBrdf, isotropic
-from ..readers.channels import NOMINAL_NM
+from ..readers.channels import RGB_NM, mixture
 from ..readers.merl import SCALE, SHAPE, middles
 
 Floats = NDArray[np.float64]
@@ -26,7 +25,7 @@ def write(
     path: str | os.PathLike[str],
     *,
     fill: str | IsotropicBrdf | None = None,
-    rgb_nm: Sequence[float] = (NOMINAL_NM["R"], NOMINAL_NM["G"], NOMINAL_NM["B"]),
+    rgb_nm: Sequence[float] = RGB_NM,
 ) -> Path:
     """Write the isotropic BRDF of a dataset as MERL binary; bins below the horizon are −1, "invalid".
 
@@ -35,7 +34,7 @@ def write(
     Raises InputError for in-plane data without `fill`, or channels outside the dataset's wavelengths.
     """
     brdf = isotropic(dataset, fill)
-    mix = _channels(brdf.wavelength, np.asarray(rgb_nm, float))
+    mix = mixture(brdf.wavelength, rgb_nm)
     theta_h, theta_d, phi_d = (a.ravel() for a in np.meshgrid(*middles(), indexing="ij"))
     wi, wo = directions(theta_h, theta_d, phi_d)
     above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
@@ -55,13 +54,3 @@ def directions(theta_h: Floats, theta_d: Floats, phi_d: Floats) -> tuple[Floats,
     wi = np.stack([d[:, 0] * c + d[:, 2] * s, d[:, 1], d[:, 2] * c - d[:, 0] * s], axis=1)
     h = unit_vectors(theta_h)
     return wi, 2 * np.sum(wi * h, axis=1)[:, None] * h - wi
-
-
-def _channels(wavelength: Floats, rgb: Floats) -> Floats:
-    """(n_λ, 3) weights of the wavelengths for each channel."""
-    outside = rgb[(rgb < wavelength[0] - 1e-6) | (rgb > wavelength[-1] + 1e-6)]
-    if rgb.shape != (3,) or (outside.size and wavelength.size > 1):
-        raise InputError(
-            f"rgb_nm = {rgb.tolist()}: three wavelengths within {wavelength[0]:g} … {wavelength[-1]:g} nm are needed"
-        )
-    return np.stack([np.interp(rgb, wavelength, row) for row in np.eye(wavelength.size)])

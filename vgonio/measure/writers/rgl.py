@@ -9,6 +9,7 @@ what lies above is interpolated right.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from ...units import radians
 from .. import tensor_file
 from ..hemisphere import LOWEST_COS
 from ..isotropic import IsotropicBrdf, isotropic, lobe_roughness, visible_area
+from ..readers.channels import mixture
 from ..rgl_brdf import Warp, bilinear, theta_to_unit, unit_to_theta
 
 Floats = NDArray[np.float64]
@@ -38,6 +40,7 @@ def write(
     alpha: float | None = None,
     theta_i_deg: ArrayLike = THETA_I_DEG,
     resolution: int = 64,
+    rgb_nm: Sequence[float] | None = None,
     description: str | None = None,
 ) -> Path:
     """Write the isotropic BRDF of a dataset as RGL `.bsdf`.
@@ -45,9 +48,14 @@ def write(
     fill : for in-plane data, how other azimuths come about (`measure.isotropic.isotropic`); it goes into the
     description;  alpha : GGX roughness that places the samples, by default from the width of the lobe at the steepest
     incidence;  theta_i_deg : rising, of the table;  resolution : samples along both axes
+    rgb_nm : three wavelengths that are written as R, G, B in place of the spectrum, for RGB variants of Mitsuba (its
+    spectral ones need the spectrum); (611, 549, 464) give a look, no colorimetry
     Raises InputError for in-plane data without `fill`, or a BRDF with directions where nothing is known.
     """
     brdf = isotropic(dataset, fill)
+    if rgb_nm is not None:
+        mix, spectral = mixture(brdf.wavelength, rgb_nm), brdf
+        brdf = IsotropicBrdf(np.asarray(rgb_nm, float), lambda wi, wo: spectral(wi, wo) @ mix, spectral.note)
     theta_i = np.sort(angle_list(theta_i_deg, "theta_i_deg"))
     n = whole("resolution", resolution, 4, 1024)
     if theta_i[0] < 0 or theta_i.size < 2:
@@ -60,7 +68,11 @@ def write(
     if not 0 < rough <= 2:
         raise InputError(f"alpha = {alpha!r}: a roughness between 0 and 2 is needed")
     text = description or f"{dataset.attrs.get('source', 'vgonio')}; {brdf.note}; alpha {rough:.3g}"
-    return tensor_file.write(path, _fields(brdf, radians(theta_i), rough, n, text))
+    fields = _fields(brdf, radians(theta_i), rough, n, text)
+    if rgb_nm is not None:
+        del fields["wavelengths"]
+        fields["rgb"] = fields.pop("spectra")
+    return tensor_file.write(path, fields)
 
 
 def _fields(brdf: IsotropicBrdf, theta_i: Floats, alpha: float, n: int, text: str) -> dict[str, NDArray]:
