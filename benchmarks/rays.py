@@ -114,7 +114,7 @@ def against_embree(rays: int, repeat: int) -> None:
             ("whole", "whole run, 21 wavelengths, mesh included"),
         ):
             ratio = np.array(seconds[name]) / bare
-            print(f"    {meaning} / bare: {np.median(ratio):.2f} ({ratio.min():.2f} … {ratio.max():.2f})")
+            print(f"    {meaning} / bare embreex: {np.median(ratio):.2f} ({ratio.min():.2f} … {ratio.max():.2f})")
 
 
 def speed(rays: int, repeat: int) -> None:

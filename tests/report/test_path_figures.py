@@ -50,7 +50,7 @@ def test_the_page_has_them_and_names_the_film(tree):
     text = render(tree)
     assert 'id="polarisation"' in text
     assert 'id="ways"' in text
-    assert "material: Al2O3 4 nm on Al" in text
+    assert "Al2O3 4 nm on Al" in text
 
 
 def test_a_page_without_them_does_not_mention_them():
