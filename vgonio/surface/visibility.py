@@ -53,6 +53,21 @@ def visible(surface: Heightfield, direction: ArrayLike, refine: int = 1) -> Bool
     return _oblique(ip.grid(y, x).T, ip.x_axis, x, y, (d[1], d[0], d[2]), surface.periodic).T
 
 
+def single_reflections(surface: Heightfield, theta_i_deg: ArrayLike) -> Bools:
+    """(n,) angles of incidence at which no mirrored ray meets the surface again: |θ_i| + 3 × the steepest slope < 90°.
+
+    A facet of slope α sends light from θ_i at most to θ_i + 2α; to meet another it has to stay below that one's slope.
+    Walls ("nearest") are as steep as can be.
+    """
+    theta = np.abs(np.atleast_1d(np.asarray(theta_i_deg, float)))
+    if np.ptp(surface.z) == 0:
+        return np.ones(theta.shape, bool)
+    if surface.interpolation == "nearest":
+        return np.zeros(theta.shape, bool)
+    steepest = np.rad2deg(np.arctan(np.hypot(*surface.interpolant.max_slope)))
+    return theta + 3 * steepest < 90.0
+
+
 def _centres(axis: Axis, refine: int) -> Floats:
     n = axis.n * refine
     return (np.arange(n) + 0.5) * axis.h / refine

@@ -10,6 +10,7 @@ import vgonio as vg
 from vgonio.errors import InputError, ToleranceError
 from vgonio.materials import material
 from vgonio.surface import Heightfield
+from vgonio.surface.visibility import single_reflections
 from vgonio.wave import Kirchhoff
 from vgonio.wave.iterated import IteratedKirchhoff
 from vgonio.wave.iterated.curve import Curve, sample_curve
@@ -123,7 +124,8 @@ def test_fields_of_a_line_source_propagate_to_the_other_wall():
         got = pairs.next(u, v)[0]
         exact = 0.25j * hankel1(0, k * np.hypot(6.0, rows.z))
         errors.append(np.max(np.abs(got - exact)) / np.max(np.abs(exact)))
-    assert errors[0] < 0.06 and errors[1] < 0.6 * errors[0]
+    assert errors[0] < 0.06
+    assert errors[1] < 0.6 * errors[0]
 
 
 def _thin(n: complex):
@@ -136,14 +138,14 @@ def _thin(n: complex):
 def test_first_reflection_equals_kirchhoff_apart_from_the_window():
     """bounces = 1, no shadows, R = 1: the same |N|² as C²|S|² but for terms of the window's slope, of order 1/kℓ."""
     errors = []
-    for length in (4.0, 16.0):
-        surface = rough(0.3, 2.0, side=120, seed=3)
+    for length in (3.0, 10.0):
+        surface = rough(0.3, 2.0, side=60, seed=3)
         gonio = vg.measure.Gonioreflectometer([0, 30], range(-70, 71, 5), coherence_um=length, aperture_deg=12)
         one = gonio.measure(surface, IteratedKirchhoff("perfect", [550], bounces=1, shadowing=False, windows=40))
         other = gonio.measure(surface, Kirchhoff("perfect", [550]))
         errors.append(float(np.max(np.abs(one.brdf - other.brdf)) / np.max(other.brdf)))
-    assert errors[0] < 2 / (11.4 * 4.0)
-    assert errors[1] < 2 / (11.4 * 16.0)
+    assert errors[0] < 2 / (11.4 * 3.0)
+    assert errors[1] < 2 / (11.4 * 10.0)
 
 
 @pytest.mark.parametrize("polarisation", ["s", "p", "unpolarised"])
@@ -168,11 +170,13 @@ def test_tapered_beam_carries_its_power():
 def test_orders_and_their_interference_add_up():
     gonio = vg.measure.Gonioreflectometer([0, 40], range(-80, 81, 10), coherence_um=5)
     data = gonio.measure(rough(1.0, 2.0), IteratedKirchhoff("Al", [550], bounces=4, windows=3))
-    assert np.all(data.brdf_by_bounce >= 0) and np.all(data.brdf >= 0)
+    assert np.all(data.brdf_by_bounce >= 0)
+    assert np.all(data.brdf >= 0)
     assert np.allclose(data.brdf_by_bounce.sum("bounce") + data.brdf_interference, data.brdf)
     assert np.allclose(data.energy_by_bounce.sum("bounce") + data.energy_interference, data.energy_reflected)
     energy = data.energy_by_bounce.isel(wavelength=0)
-    assert np.all(energy.sel(bounce=2) > 0.03) and np.all(energy.sel(bounce=3) < 0.3 * energy.sel(bounce=2))
+    assert np.all(energy.sel(bounce=2) > 0.03)
+    assert np.all(energy.sel(bounce=3) < 0.3 * energy.sel(bounce=2))
     assert np.all(data.energy_reflected < 1)
 
 
@@ -180,7 +184,8 @@ def test_gentle_slopes_cost_one_reflection():
     """|θ_i| + 3 × 20° < 90° at 0° and 20°, not at 40°."""
     surface = v_groove(10.0, 4, depth=5 * np.tan(np.deg2rad(20)))
     gonio = vg.measure.Gonioreflectometer([0, 20, 40], range(-80, 81, 10), coherence_um=5)
-    data = gonio.measure(surface, IteratedKirchhoff("perfect", [500], windows=1))
+    assert single_reflections(surface, [0, 20, 40]).tolist() == [True, True, False]
+    data = gonio.measure(surface, IteratedKirchhoff("perfect", [520], windows=1))
     second = data.energy_by_bounce.sel(bounce=2).isel(wavelength=0).values
     assert second[0] == second[1] == 0 < second[2]
 

@@ -30,8 +30,8 @@ class Directions:
 
     theta: Floats
     width: Floats
-    node: NDArray[np.int64]
-    element: NDArray[np.int64]
+    node: NDArray[np.integer]
+    element: NDArray[np.integer]
     share: Floats
     elements: int
 
@@ -39,7 +39,7 @@ class Directions:
         """(…, elements) BRDF from relative power per radian (…, m)."""
         flat = power.reshape(-1, power.shape[-1])
         rows = [np.bincount(self.element, row[self.node] * self.share, self.elements) for row in flat]
-        return np.array(rows).reshape(*power.shape[:-1], self.elements)
+        return np.array(rows, np.float64).reshape(*power.shape[:-1], self.elements)
 
     def total(self, power: Floats) -> Floats:
         """(…,) power over the half circle."""

@@ -5,15 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...materials import Material
 from ...surface.heightfield import Heightfield
+from ..polarisation import PAULI
 from ..quadrature import Complex, Floats
 from .beam import Beam
 from .curve import Curve, joined, sample_curve
 from .far_field import Directions, far_amplitudes
 from .propagate import POLARISATIONS, Pairs, pair_operators
 from .sight import Sight, look
+
+WEIGHTS = {"s": {"TE": 1.0, "TM": 0.0}, "p": {"TE": 0.0, "TM": 1.0}, "unpolarised": {"TE": 0.5, "TM": 0.5}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +56,7 @@ class Stretch:
         """Angle of the steepest piece against the horizontal, radians."""
         return float(np.arccos(np.clip(self.curve.nz.min(), 0, 1)))
 
-    def again(self, theta: Floats) -> Floats:
+    def again(self, theta: Floats) -> NDArray[np.bool_]:
         """(len(theta),) bool: where light can meet the profile a second time, |θ| + 3 × the steepest slope ≥ 90°."""
         return np.abs(theta) + 3 * self.steepest >= np.pi / 2
 
@@ -87,11 +91,15 @@ class Orders:
     """What one window sends out, relative to its incident power: BRDF and energy, of single orders and of their sum.
 
     brdf : (bounces + 1, t, elements), the last the coherent sum;  energy : (bounces + 1, t);  used : bounces done
+    mueller : (16, t, elements) of the coherent sum, row by row
+    caught : (t,) power that the lit points receive, over that of the same window on a flat surface
     """
 
     brdf: Floats
     energy: Floats
     used: int
+    mueller: Floats
+    caught: Floats
 
 
 def fields(stretch: Stretch, light: Light, bounces: int, tol: float, shadowing: bool) -> tuple[Complex, Complex]:
@@ -118,20 +126,49 @@ def _strength(stretch: Stretch, light: Light, u: Complex, v: Complex) -> Floats:
 
 
 def reflect(
-    stretch: Stretch, lights: list[Light], to: Directions, bounces: int, tol: float, shadowing: bool = True
-) -> Orders:
-    """All orders of reflection, the mean over `lights` (polarisations of one wavelength)."""
-    k, theta = lights[0].k, lights[0].theta
+    stretch: Stretch, lights: dict[str, Light], polarisation: str, to: Directions, bounces: int, tol: float,
+    shadowing: bool = True,
+) -> Orders:  # fmt: skip
+    """All orders of reflection of light of some polarisation, from those of `lights`: "TE", "TM" or both."""
+    some = next(iter(lights.values()))
+    k, theta = some.k, some.theta
+    share = np.array([WEIGHTS[polarisation][name] for name in lights])
     seen = stretch.sight.seen(stretch.curve, to.theta) if shadowing else None
     incident = stretch.beam.power(k, theta)[:, None]
-    series = [fields(stretch, light, bounces, tol, shadowing) for light in lights]
+    series = [fields(stretch, light, bounces, tol, shadowing) for light in lights.values()]
     most = max(u.shape[-1] for u, _ in series)
     u, v = (np.stack([_padded(s[i], most) for s in series], axis=1) for i in (0, 1))
     far = far_amplitudes(stretch.curve, u, v, k, to.theta, seen)  # (m, lights, t, orders)
+    total = far.sum(axis=-1)
     power = np.zeros((bounces + 1, len(theta), len(to.theta)))
-    power[:most] = np.moveaxis(np.mean(np.abs(far) ** 2, axis=1), (2, 1, 0), (0, 1, 2)) / incident
-    power[-1] = np.mean(np.abs(far.sum(axis=-1)) ** 2, axis=1).T / incident
-    return Orders(to.means(power), to.total(power), most)
+    power[:most] = np.einsum("mltb,l->btm", np.abs(far) ** 2, share) / incident
+    power[-1] = np.einsum("mlt,l->tm", np.abs(total) ** 2, share) / incident
+    caught = _caught(stretch, theta, k) if shadowing else np.ones(len(theta))
+    return Orders(to.means(power), to.total(power), most, to.means(_mueller(total) / incident), caught)
+
+
+def _caught(stretch: Stretch, theta: Floats, k: float) -> Floats:
+    """Power that the lit points receive over that of the window. A tapered beam meets the surface with all it has."""
+    if stretch.beam.kind == "tapered":
+        return np.ones(len(theta))
+    curve = stretch.curve
+    cosine = np.sin(theta)[:, None] * curve.nx + np.cos(theta)[:, None] * curve.nz
+    received = np.abs(stretch.beam.field(curve, k, theta)[0].T) ** 2 * cosine * stretch.sight.seen(curve, theta)
+    return received @ curve.ds / stretch.beam.power(k, theta)
+
+
+def _mueller(far: Complex) -> Floats:
+    """(16, t, m) Mueller matrices from amplitudes (m, lights, t) of TE and TM; zeros where one of them is missing.
+
+    E_y is the s component of both beams, H_y minus the p component of the reflected one (p = ω × s), so the Jones
+    matrix is diag(TE, −TM).
+    """
+    if far.shape[1] < 2:
+        return np.zeros((16, far.shape[2], far.shape[0]))
+    jones = np.zeros((2, 2, *far[:, 0].T.shape), np.complex128)
+    jones[0, 0], jones[1, 1] = far[:, 0].T, -far[:, 1].T
+    found = np.einsum("iab,bctm,jcd,adtm->ijtm", PAULI, jones, PAULI, jones.conj()).real / 2
+    return found.reshape(16, *found.shape[2:])
 
 
 def _padded(a: Complex, orders: int) -> Complex:

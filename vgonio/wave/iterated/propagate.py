@@ -1,8 +1,9 @@
 """One more reflection on a profile: fields of mutually visible points at each other, and the tangent-plane rule again.
 
 With the normal n into the air the field that leaves the surface is u(r) = ∫ [u ∂G/∂n' − G ∂u/∂n'] ds' with
-G = (i/4) H₀(k|r − r'|) under exp(−iωt). Each pair of points carries a wave of its own direction, so that its reflection coefficient r is that
-of its own angle: u = (1 + r) u_pair, ∂u/∂n = (1 − r) ∂u_pair/∂n. u is E_y (TE, r_s) or H_y (TM, r_p).
+G = (i/4) H₀(k|r − r'|) under exp(−iωt). Each pair of points carries a wave of its own direction, so that its reflection
+coefficient r is that of its own angle: u = (1 + r) u_pair, ∂u/∂n = (1 − r) ∂u_pair/∂n. u is E_y (TE, r_s) or H_y (TM,
+r_p).
 """
 
 from __future__ import annotations

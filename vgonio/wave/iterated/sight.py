@@ -55,10 +55,12 @@ def look(curve: Curve, first: int = 0, last: int | None = None) -> Sight:
     for a in range(first, last, step):
         b = min(a + step, last)
         i, j, right[a - first : b - first] = _ahead(curve, a, b)
-        rows.append(i), sources.append(j)
+        rows.append(i)
+        sources.append(j)
         i, j, horizon = _ahead(flipped, n - b, n - a)
         left[a - first : b - first] = horizon[::-1]
-        rows.append(n - 1 - i), sources.append(n - 1 - j)
+        rows.append(n - 1 - i)
+        sources.append(n - 1 - j)
     row, source = np.concatenate(rows), np.concatenate(sources)
     order = np.lexsort((source, row))
     return Sight(row[order] - first, source[order], right, left)

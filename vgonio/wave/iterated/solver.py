@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,17 +17,20 @@ from ...errors import InputError, VgonioWarning, nearest, relative_tolerance, wh
 from ...materials import Material, material
 from ...surface.heightfield import Heightfield
 from ...units import wavenumber
+from .. import opencl
+from ..coherence import Window
 from ..quadrature import Floats
 from .beam import BEAMS, Beam
 from .far_field import directions
+from .far_patch import patch_orders
 from .limits import limits
 from .place import Places
-from .profile import Light, Orders, Stretch, reflect
+from .profile import WEIGHTS, Light, Orders, Stretch, reflect
 from .second_hits import second_hits
 
 COARSER = 1.5  # spacing of points in the check of their number, relative to that used
 GROWING = 0.9  # power of one order over that before from which on the series counts as not converging
-POLARISED = {"s": ("TE",), "p": ("TM",), "unpolarised": ("TE", "TM")}
+Progress = Callable[[float], None]
 MOST_BOUNCES = 50
 
 
@@ -48,9 +51,13 @@ class IteratedKirchhoff:
     beam : "window", weights on the points as in `Kirchhoff`, or (profiles alone) "tapered", a beam that solves the wave
         equation, as in the full-wave solver
     shadowing : points that source or detector do not see are left out; False only for a single reflection
-    points_per_wavelength : along the surface; None takes 10 on profiles, 7 on patches
+    points_per_wavelength : along a profile, along x and y of a patch; None takes 10 and 7
+    polarised : `mueller` and its standard error beside brdf
+    energy : the energies, which of patches cost some thousand directions over the hemisphere; False leaves them out
 
-    Profiles (all rows equal) are two-dimensional problems, with TE for s and TM for p. Results have `brdf_by_bounce`
+    The incident power is what the lit points of the windows receive, so that the energy balance of a few windows holds.
+    Profiles (all rows equal) are two-dimensional problems, with TE for s and TM for p; patches carry vector fields and
+    run on an OpenCL device. Results have `brdf_by_bounce`
     (each order by itself), `brdf_interference` (the sum of their interference terms: brdf − Σ brdf_by_bounce) and the
     like of energies. The theory is single-valued tangent planes: where it is out of range, the attribute `limits` and a
     warning say so. `scatter` raises InputError, MaterialError and ToleranceError (too many points).
@@ -65,6 +72,8 @@ class IteratedKirchhoff:
     beam: str = "window"
     shadowing: bool = True
     points_per_wavelength: float | None = None
+    polarised: bool = False
+    energy: bool = True
     seed: int = 0
     progress: Callable[[float], None] | None = field(default=None, compare=False, repr=False)
 
@@ -93,14 +102,17 @@ class IteratedKirchhoff:
         if incoming.divergence_deg:
             raise InputError("iterated Kirchhoff takes parallel light: divergence_deg has to be 0")
         places = Places.of(surface, self.window_um, incoming.coherence_um, self.windows)
-        if not surface.is_profile:
-            raise InputError("patches come next")
-        found, error = self._profile(surface, incoming, detector, places)
+        found, error = (self._profile if surface.is_profile else self._patches)(surface, incoming, detector, places)
         data = self._dataset(surface, incoming, detector, places, found)
         reasons = limits(surface, incoming.theta_deg, self.wavelength_nm)
         if reasons:
             warnings.warn("iterated Kirchhoff: " + "; ".join(reasons), VgonioWarning, stacklevel=2)
-        self._check_series(data)
+        if self.polarised:
+            data = _with_mueller(data, found, places)
+        if not self.energy:
+            data = data.drop_vars([n for n in data.data_vars if str(n).startswith("energy")])
+        else:
+            self._check_series(data)
         data.attrs |= {
             "error_achieved": error,
             "error_estimate": f"largest change of brdf, relative to its maximum, with points {COARSER:g} times wider "
@@ -109,6 +121,10 @@ class IteratedKirchhoff:
             "seconds": time.perf_counter() - start,
         }
         return data
+
+    def per(self, surface: Heightfield) -> float:
+        """Points per wavelength on this kind of surface."""
+        return self.points_per_wavelength or (10.0 if surface.is_profile else 7.0)
 
     # ---- profiles
     def _profile(
@@ -120,38 +136,70 @@ class IteratedKirchhoff:
         if np.any(np.abs(np.sin(np.deg2rad(azimuths))) > 1e-9):
             raise InputError("a profile keeps its light in the plane across its grooves: phi_i_deg has to be 0 or 180")
         theta = sign * np.deg2rad(incoming.theta_deg)
-        per = self.points_per_wavelength or 10.0
+        per = self.per(surface)
 
         def orders(centre: float, half: float, wavelength: float, fineness: float) -> Orders:
             k, spacing = float(wavenumber(wavelength)), wavelength * 1e-3 / fineness
             beam = Beam(self.beam, places.length_um, half, centre)
             stretch = Stretch.of(surface, beam, spacing)
             to = directions(detector, float(sign), wavelength * 1e-3, 2 * half)
-            lights = [
-                Light(k, theta, polarisation, self.material, wavelength)  # type: ignore[arg-type]
-                for polarisation in POLARISED[incoming.polarisation]
-            ]
-            return reflect(stretch, lights, to, self.bounces, self.tol, self.shadowing)
+            lights = {
+                name: Light(k, theta, name, self.material, wavelength)  # type: ignore[arg-type]
+                for name, weight in WEIGHTS[incoming.polarisation].items()
+                if weight or self.polarised
+            }
+            return reflect(stretch, lights, incoming.polarisation, to, self.bounces, self.tol, self.shadowing)
 
-        found, steps = [], len(places.windows) * len(self.wavelength_nm)
-        for n, window in enumerate(places.windows):
+        def one(window: Window, wavelength: float, fineness: float, report: Progress) -> Orders:
+            return orders(window.centre[1], window.half[1], wavelength, fineness)
+
+        return self._all(one, places, per)
+
+    # ---- patches
+    def _patches(
+        self, surface: Heightfield, incoming: Incoming, detector: Detector, places: Places
+    ) -> tuple[list[Orders], float]:
+        if self.beam != "window":
+            raise InputError(f'beam = {self.beam!r} is for profiles: take "window"')
+        if not self.shadowing:
+            raise InputError("shadowing = False is for profiles: Kirchhoff(polarised=True) is that on a surface")
+        if getattr(self.material, "layers", ()):
+            raise InputError("patches take a half-space with one refractive index, not films: profiles take both")
+        per = self.per(surface)
+
+        def one(window: Window, wavelength: float, fineness: float, report: Progress) -> Orders:
+            light = incoming if fineness == per else replace(incoming, theta_deg=incoming.theta_deg[:1])
+            return patch_orders(
+                surface, window, light, detector, self.material, wavelength,  # type: ignore[arg-type]
+                wavelength * 1e-3 / fineness, self.bounces, self.tol, self.seed, report, energies=self.energy and fineness == per,
+            )[0]  # fmt: skip
+
+        return self._all(one, places, per)
+
+    def _all(self, one: Callable[..., Orders], places: Places, per: float) -> tuple[list[Orders], float]:
+        """Orders of every window, brdf (bounces + 1, t, elements, wavelengths); and the error of the spacing."""
+        found, done, steps = [], 0, len(places.windows) * len(self.wavelength_nm)
+        for window in places.windows:
             spectrum = []
-            for j, w in enumerate(self.wavelength_nm):
-                spectrum.append(orders(window.centre[1], window.half[1], w, per))
-                if self.progress:
-                    self.progress((n * len(self.wavelength_nm) + j + 1) / steps)
+            for w in self.wavelength_nm:
+
+                def report(share: float, done: int = done) -> None:
+                    if self.progress:
+                        self.progress((done + share) / steps)
+
+                spectrum.append(one(window, w, per, report))
+                report(1.0)
+                done += 1
             found.append(_stacked(spectrum))
-        middle = places.windows[0]
-        rough = orders(middle.centre[1], middle.half[1], self.wavelength_nm[0], per / COARSER).brdf[-1]
-        fine = found[0].brdf[-1, ..., 0]
+        rough = one(places.windows[0], self.wavelength_nm[0], per / COARSER, lambda f: None).brdf[-1]
+        fine = found[0].brdf[-1, : len(rough), :, 0]
         return found, float(np.max(np.abs(rough - fine)) / max(float(fine.max()), 1e-300))
 
     # ---- the result
     def _dataset(
         self, surface: Heightfield, incoming: Incoming, detector: Detector, places: Places, found: list[Orders]
     ) -> xr.Dataset:
-        brdf, energy = (np.stack([getattr(o, n) for o in found]) for n in ("brdf", "energy"))
-        mean, energies = brdf.mean(axis=0), energy.mean(axis=0)
+        (mean, stderr), (energies, _) = (_mean(found, places, n) for n in ("brdf", "energy"))
         over = ("theta_i", *detector.dims, "wavelength")
         bounce = np.arange(1, self.bounces + 1)
         hits = [
@@ -160,7 +208,7 @@ class IteratedKirchhoff:
         ]
         variables: dict[str, tuple[tuple[str, ...], Any]] = {
             "brdf": (over, mean[-1]),
-            "brdf_stderr": (over, self._stderr(brdf[:, -1], places)),
+            "brdf_stderr": (over, stderr[-1]),
             "brdf_by_bounce": (("bounce", *over), mean[:-1]),
             "brdf_interference": (over, mean[-1] - mean[:-1].sum(axis=0)),
             "energy_by_bounce": (("theta_i", "bounce", "wavelength"), energies[:-1].swapaxes(0, 1)),
@@ -181,12 +229,6 @@ class IteratedKirchhoff:
         )  # fmt: skip
         data["bounce"].attrs["long_name"] = "number of reflections, each by itself"
         return label(data)
-
-    def _stderr(self, brdf: Floats, places: Places) -> Floats:
-        """Standard error of the mean over windows (windows, …); one window says nothing of its spread: NaN."""
-        if len(brdf) < 2:
-            return np.full(brdf.shape[1:], np.nan)
-        return np.std(brdf, axis=0, ddof=1) / np.sqrt(places.independent)
 
     def _attributes(
         self, surface: Heightfield, incoming: Incoming, places: Places, found: list[Orders]
@@ -211,8 +253,8 @@ class IteratedKirchhoff:
             "stderr_estimate": f"spread over {places.independent:.1f} effective independent windows"
             if len(places.windows) > 1 else "not known: one window",
             "surface": surface.name,
-            "backend": "numpy",
-            "device": "CPU",
+            "backend": "numpy" if surface.is_profile else "OpenCL pairs",
+            "device": "CPU" if surface.is_profile else opencl.device().name,
             "seed": self.seed,
             "versions": versions(),
         }  # fmt: skip
@@ -220,7 +262,7 @@ class IteratedKirchhoff:
     def _check_series(self, data: xr.Dataset) -> None:
         """Warn where the last order still sends out more than `tol` and hardly less than the one before."""
         done = int(data.attrs["bounces_done"])
-        if done < 2:
+        if done < 3:  # of two orders the second may well be the stronger
             return
         by = data["energy_by_bounce"].values
         last, before = by[:, done - 1], by[:, done - 2]
@@ -234,11 +276,39 @@ class IteratedKirchhoff:
             )
 
 
+def _mean(found: list[Orders], places: Places, name: str) -> tuple[Floats, Floats]:
+    """Mean over windows of a variable and its standard error: power sent out over power received, each summed.
+
+    The standard error is that of a ratio of means; one window says nothing of it: NaN.
+    """
+    values, caught = np.stack([getattr(o, name) for o in found]), np.stack([o.caught for o in found])
+    if values.ndim == 5:
+        caught = caught[:, None, :, None]
+    else:
+        caught = caught[:, None]
+    share = np.maximum(caught.mean(axis=0), 1e-300)
+    mean = values.mean(axis=0) / share
+    if len(found) < 2:
+        return mean, np.full(mean.shape, np.nan)
+    left = (values - mean * caught) / share
+    return mean, np.sqrt(np.sum(left**2, axis=0) / (len(found) - 1) / places.independent)
+
+
+def _with_mueller(data: xr.Dataset, found: list[Orders], places: Places) -> xr.Dataset:
+    """With Mueller matrices (…, stokes_out, stokes_in) of the coherent sum."""
+    over = (*data.brdf.dims, "stokes_out", "stokes_in")
+    for name, a in zip(("mueller", "mueller_stderr"), _mean(found, places, "mueller")):
+        data[name] = (over, np.moveaxis(a, 0, -1).reshape(*a.shape[1:], 4, 4))
+    return label(data.assign_coords(stokes_out=list("IQUV"), stokes_in=list("IQUV")))
+
+
 def _stacked(spectrum: list[Orders]) -> Orders:
     return Orders(
         np.stack([o.brdf for o in spectrum], axis=-1),
         np.stack([o.energy for o in spectrum], axis=-1),
         max(o.used for o in spectrum),
+        np.stack([o.mueller for o in spectrum], axis=-1),
+        np.stack([o.caught for o in spectrum], axis=-1),
     )
 
 

@@ -1,0 +1,182 @@
+"""Reflections of one window on a height field: points on a square grid, sight, vector fields of every order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...directions import s_axes
+from ...errors import ToleranceError
+from ...materials import Material
+from ...surface.heightfield import Heightfield
+from ..coherence import Window
+from ..polarisation import _frame
+from ..quadrature import Complex, Floats
+from .pairs import AZIMUTHS, Grid, horizon_map, reflect_opencl, seen_from
+
+MOST_POINTS = 1_000_000  # of one patch: 10¹² pairs
+FLAT = 1e9  # stands for a horizon that is not there
+CHECKED = (8, 400)  # points, and pairs of each, on which the rule of sight is compared with a march along the line
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """Points of a window on the interpolated surface.
+
+    grid : heights, normals, pitch;  x, y : (n,) µm;  weight : (n, n) amplitude window;  area : ∫ w² dx dy in µm²
+    horizon : (azimuths, n, n) slope of the highest line of sight;  azimuth : (azimuths,) radians, ascending
+    """
+
+    grid: Grid
+    x: Floats
+    y: Floats
+    weight: Floats
+    area: float
+    horizon: NDArray[np.float32]
+    azimuth: Floats
+
+    @staticmethod
+    def of(surface: Heightfield, window: Window, spacing: float, azimuth: float) -> Patch:
+        """Points no more than `spacing` µm apart along x and y; shadows from as far as half the side beyond.
+
+        azimuth : of the plane of incidence, one of those of the horizon map. Raises ToleranceError beyond MOST_POINTS.
+        """
+        side = 2 * window.half[0]
+        count = int(np.ceil(side / spacing * (1 - 1e-9)))
+        if count**2 > MOST_POINTS:
+            raise ToleranceError(
+                f"a patch of {side:g} µm needs {count**2:.2g} points, at most {MOST_POINTS:.0e} (all pairs of them are "
+                "looked at): take a smaller window_um or fewer points_per_wavelength"
+            )
+        pitch, margin = side / count, count // 2
+        (cy, cx), ip = window.centre, surface.interpolant
+        at: Floats = (np.arange(-margin, count + margin, dtype=np.float64) + 0.5) * pitch - window.half[0]
+        wide = _heights(surface, cy + at, cx + at)
+        inner = slice(margin, margin + count)
+        x, y, t = cx + at[inner], cy + at[inner], at[inner]
+        zx, zy = ip.grid(y, x, dx=1), ip.grid(y, x, dy=1)
+        normal = np.stack([-zx, -zy, np.ones_like(zx)])
+        profile = window.profile(t, window.half[0])
+        weight = np.outer(profile, profile)
+        turns = azimuth + 2 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
+        horizon = horizon_map(wide, margin, pitch, turns)
+        grid = Grid(wide[inner, inner], normal / np.linalg.norm(normal, axis=0), pitch)
+        return Patch(grid, x, y, weight, float(np.sum(weight**2) * pitch**2), horizon, turns)
+
+    @property
+    def steepest(self) -> float:
+        """Angle of the steepest point against the horizontal, radians."""
+        return float(np.arccos(np.clip(self.grid.normal[2].min(), 0, 1)))
+
+    def caught(self, wi: Floats) -> float:
+        """Power that the points lit from wi (3,) receive, over that of the same window on a flat surface."""
+        n = self.grid.normal
+        received = self.weight**2 * self.seen(wi) * np.einsum("i,iyx->yx", wi, n) / n[2]
+        return float(received.sum()) * self.grid.pitch**2 / (self.area * float(wi[2]))
+
+    def again(self, wi: Floats) -> NDArray[np.bool_]:
+        """(n,) where light from wi (n, 3) can meet the surface a second time: θ_i + 3 × the steepest slope ≥ 90°."""
+        return np.arccos(np.clip(wi[:, 2], -1, 1)) + 3 * self.steepest >= np.pi / 2
+
+    def seen(self, w: Floats) -> NDArray[np.bool_]:
+        """(n, n) which points see the far direction w (3,)."""
+        facing = np.einsum("i,iyx->yx", w, self.grid.normal) > 0
+        across = float(np.hypot(w[0], w[1]))
+        if across < 1e-9:
+            return facing
+        turn = (np.arctan2(w[1], w[0]) - self.azimuth[0]) / (2 * np.pi) % 1.0 * AZIMUTHS
+        i, f = int(np.rint(turn)) if abs(turn - np.rint(turn)) < 1e-6 else int(turn), turn % 1.0
+        horizon = self.horizon[i % AZIMUTHS]
+        if 1e-6 < f < 1 - 1e-6:
+            horizon = (1 - f) * horizon + f * self.horizon[(i + 1) % AZIMUTHS]
+        return facing & (w[2] >= horizon * across)
+
+    @cached_property
+    def sight_error(self) -> float:
+        """Share of pairs that face each other on which the kernel's rule of sight and a march along the line differ."""
+        rng = np.random.default_rng(0)
+        wrong = total = 0
+        n = len(self.grid.z)
+        for iy, ix in rng.integers(0, n, (CHECKED[0], 2)):
+            rule = seen_from(self.grid, int(iy), int(ix))
+            jy, jx = rng.integers(0, n, (2, CHECKED[1]))
+            clear, facing = self._clear(iy, ix, jy, jx)
+            wrong += int(np.count_nonzero((rule[jy, jx] != clear) & facing))
+            total += int(np.count_nonzero(facing))
+        return wrong / max(total, 1)
+
+    def _clear(self, iy: int, ix: int, jy: Floats, jx: Floats) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which lines from one point to others (m,) stay above the bilinear surface; and whether both ends face."""
+        from scipy.ndimage import map_coordinates
+
+        z, h = self.grid.z, self.grid.pitch
+        d = np.stack([(jx - ix) * h, (jy - iy) * h, z[jy, jx] - z[iy, ix]])
+        own, other = self.grid.normal[:, iy, ix], self.grid.normal[:, jy, jx]
+        facing = (own @ d > 0) & (np.sum(other * d, axis=0) < 0)
+        steps = 2 * int(np.max(np.hypot(jx - ix, jy - iy)))
+        t = (np.arange(1, steps) / steps)[:, None]
+        line = z[iy, ix] + t * d[2]
+        ground = map_coordinates(z, [iy + t * (jy - iy), ix + t * (jx - ix)], order=1)
+        return np.all(ground <= line + 1e-9, axis=0), facing
+
+
+def _heights(surface: Heightfield, y: Floats, x: Floats) -> Floats:
+    """Heights, NaN beyond the edges of a finite surface."""
+    if surface.periodic:
+        return surface.interpolant.grid(y, x)
+    inside = [(t >= 0) & (t <= size) for t, size in zip((y, x), surface.size_um)]
+    z = np.full((len(y), len(x)), np.nan)
+    z[np.ix_(*inside)] = surface.interpolant.grid(y[inside[0]], x[inside[1]])
+    return z
+
+
+def first_fields(
+    patch: Patch, wi: Floats, k: float, material: Material, wavelength_nm: float, phi_deg: float
+) -> Floats:
+    """(2, 12, n, n) N × E and N × H of the first reflection for s and p incident from wi (3,), where it is seen."""
+    n, d = patch.grid.normal, -wi
+    c = np.einsum("i,iyx->yx", wi, n)
+    s = np.cross(np.broadcast_to(d[:, None, None], n.shape), n, axis=0)
+    length = np.linalg.norm(s, axis=0)
+    s = np.where(length > 1e-9, s / np.maximum(length, 1e-300), s_axes(wi[None], phi_deg)[0][:, None, None])
+    p, t = np.cross(np.broadcast_to(d[:, None, None], n.shape), s, axis=0), np.cross(n, s, axis=0)
+    rs, rp = material.amplitudes(np.clip(c, 0, 1), wavelength_nm)
+    phase = patch.x * wi[0] + (patch.y * wi[1])[:, None] + patch.grid.z * wi[2]
+    wave = patch.weight * patch.seen(wi) * np.exp(-1j * k * phase)
+    found = []
+    for e in _frame(wi[None], s_axes(wi[None], phi_deg)):
+        on_s, on_p = (wave * np.einsum("iyx,i->yx", axis, e[0]) for axis in (s, p))
+        a = (1 - rp) * c * on_p * s + (1 + rs) * on_s * t
+        b = (1 - rs) * c * on_s * s - (1 + rp) * on_p * t
+        found.append(np.concatenate([a, b]))
+    return as_reals(np.stack(found) / n[2])
+
+
+def as_reals(fields: Complex) -> Floats:
+    """(sides, 12, …) of (sides, 6, …): real and imaginary parts alternate."""
+    return np.stack([fields.real, fields.imag], axis=2).reshape(len(fields), 12, *fields.shape[2:])
+
+
+def all_orders(
+    patch: Patch, wi: Floats, k: float, material: Material, wavelength_nm: float, phi_deg: float, bounces: int,
+    tol: float, progress: Callable[[float], None] | None = None,
+) -> list[Floats]:  # fmt: skip
+    """Fields (2, 12, n, n) of each reflection of light from wi, up to `bounces` or until the mean square of the next is
+    no more than `tol` of the first."""
+    found = [first_fields(patch, wi, k, material, wavelength_nm, phi_deg)]
+    if not patch.again(wi[None])[0]:
+        return found
+    index = None if material.perfect else complex(material.index(wavelength_nm))
+    first = float(np.sum(found[0] ** 2))
+    while len(found) < bounces:
+        done = len(found) - 1
+        step = (lambda f, done=done: progress((done + f) / (bounces - 1))) if progress else None  # type: ignore[misc]
+        more = reflect_opencl(patch.grid, found[-1], k, index, step) / patch.grid.normal[2]
+        if np.sum(more**2) <= tol * first:
+            break
+        found.append(more)
+    return found
