@@ -141,12 +141,22 @@ def _threads() -> int | None:
 
 def waves(scene: Scene, theory: str, progress: Progress | None = None) -> Any:
     """The wave solver of [wave] for one of its theories."""
-    from .wave import FullWave, Kirchhoff
+    from .wave import FullWave, IteratedKirchhoff, Kirchhoff
 
     asked, light = _required(scene.wave, "wave"), _required(scene.light, "light")
     given: dict[str, Any] = {} if progress is None else {"progress": progress}
     if theory == "full-wave":
         return FullWave(material=scene_material(scene), wavelength_nm=light.wavelength_nm, tol=asked.tol, **given)
+    if theory == "iterated-kirchhoff":
+        asked_for = {k: getattr(asked, k) for k in ("bounces", "window_um", "windows") if getattr(asked, k) is not None}
+        return IteratedKirchhoff(
+            material=scene_material(scene),
+            wavelength_nm=light.wavelength_nm,
+            tol=asked.tol,
+            polarised=asked.polarised,
+            **asked_for,
+            **given,
+        )
     return Kirchhoff(
         material=scene_material(scene),
         wavelength_nm=light.wavelength_nm,

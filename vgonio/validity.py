@@ -38,14 +38,19 @@ def wave_warnings(
 ) -> list[str]:
     """One line for every criterion that the surface, the angles or the coherence length fail."""
     angles = max(float(np.max(np.abs(light.theta_i_deg))), largest_theta_o)
+    once = not set(theories) <= {"iterated-kirchhoff", "full-wave"}
     found = [
         *rigorous_warnings(surface, theories, light),
-        *_steep(surface),
-        *(() if shadowing else _grazing(surface, angles)),
+        *(_steep(surface) if once else ()),
+        *(_grazing(surface, angles) if once and not shadowing else ()),
         *_curved(surface, float(np.max(np.abs(light.theta_i_deg))), max(light.wavelength_nm)),
         *_unresolved(surface, light, largest_theta_o),
         *_coherence(surface, light.coherence_um),
     ]
+    if "iterated-kirchhoff" in theories:
+        from .wave.iterated.limits import limits
+
+        found += limits(surface, light.theta_i_deg, light.wavelength_nm)
     if "harvey-shack" in theories:
         factor = 2 / (2 * np.cos(np.deg2rad(min(angles, 89.0))))
         if factor > 1.2:

@@ -30,8 +30,7 @@ from ..surface.interpolant import KINDS
 from ..units import to_um
 from .values import check_generator, checked, expand, not_offered, one_of, whole
 
-THEORIES = ("kirchhoff", "generalized-harvey-shack", "harvey-shack", "full-wave")
-LATER_THEORIES = ("iterated-kirchhoff",)
+THEORIES = ("kirchhoff", "generalized-harvey-shack", "harvey-shack", "iterated-kirchhoff", "full-wave")
 METHODS = ("auto", "nufft", "opencl", "reference")
 TRACERS = ("embree", "reference", "warp")
 ESTIMATORS = ("auto", "binning", "facets")
@@ -41,8 +40,6 @@ Count = Annotated[int, BeforeValidator(whole), Field(ge=1)]
 Share = Annotated[float, Field(gt=0, lt=1)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Pitch = Annotated[float | list[float], checked(pitch_pair)]
-# settings that later versions offer: false and absent mean the same
-Later = Any
 
 
 class Table(BaseModel):
@@ -175,15 +172,16 @@ class Geometric(Table):
 
 
 class Wave(Table):
-    theory: list[Annotated[str, one_of(THEORIES, LATER_THEORIES)]] = ["kirchhoff"]
+    theory: list[Annotated[str, one_of(THEORIES)]] = ["kirchhoff"]
     method: Annotated[str, one_of(METHODS)] = "auto"
     tol: Share = 1e-3
     shadowing: bool = False
     fresnel: Annotated[str, one_of(("half", "local"))] = "half"
     energy: bool = False
     renormalise: bool = False
-    bounces: Later = None
-    window_um: Later = None
+    bounces: Count | None = None
+    window_um: Positive | None = None
+    windows: Count | None = None
     polarised: bool = False
 
     @field_validator("theory", mode="before")
@@ -193,15 +191,18 @@ class Wave(Table):
 
     @model_validator(mode="after")
     def _offered(self) -> Wave:
-        self.refuse(self.window_um, "window_um")
-        if self.polarised and (self.theory != ["kirchhoff"] or self.fresnel != "half"):
-            raise InputError('polarised = true is for theory = "kirchhoff" alone, without fresnel')
-        self.refuse(None if self.bounces == 1 else self.bounces, "bounces")
+        known = {"kirchhoff", "iterated-kirchhoff"}
+        if self.polarised and (not set(self.theory) <= known or self.fresnel != "half"):
+            raise InputError('polarised = true is for "kirchhoff" and "iterated-kirchhoff" alone, without fresnel')
+        for key in ("window_um", "windows", "bounces"):
+            value = getattr(self, key)
+            if "iterated-kirchhoff" not in self.theory and value is not None and (key, value) != ("bounces", 1):
+                raise InputError(f'{key} = {value:g} is for theory = "iterated-kirchhoff", got {self.theory}')
         scalar = self.shadowing or self.energy or self.renormalise or self.fresnel != "half"
-        if self.theory == ["full-wave"] and scalar:
+        if set(self.theory) <= {"full-wave", "iterated-kirchhoff"} and scalar:
             raise InputError(
-                'shadowing, fresnel, energy and renormalise are for the scalar theories: "full-wave" holds shadows, '
-                "local reflection and all energies as it is"
+                "shadowing, fresnel, energy and renormalise are for the theories of one reflection: "
+                f"{' and '.join(self.theory)} holds shadows, local reflection and all energies as it is"
             )
         if not self.theory or len(set(self.theory)) < len(self.theory):
             raise InputError(f"theory lists nothing or a theory twice: {self.theory}")
