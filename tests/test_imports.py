@@ -22,7 +22,7 @@ LAYERS = [
     {"models", "compare"},
     {"render", "display"},
     {"report"},
-    {"scene", "assembly", "validity", "planning", "simulation", "studies", "cli", "__main__"},
+    {"scene", "assembly", "validity", "planning", "simulation", "studies", "accuracy", "cli", "__main__"},
 ]
 RANK = {name: i for i, layer in enumerate(LAYERS) for name in layer}
 # parts of one layer that must not know each other

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from . import display, doctor, fit, measured, render, results, simulate, surface, sweep
+from . import accuracy, display, doctor, fit, measured, render, results, simulate, surface, sweep, validate
 
 app = typer.Typer(
     name="vgonio",
@@ -38,6 +38,7 @@ def _all_commands(
 
 app.command("simulate")(simulate.simulate)
 app.command("sweep")(sweep.sweep)
+app.command("accuracy")(accuracy.accuracy)
 app.command("plan")(simulate.plan)
 app.command("init")(simulate.init)
 app.add_typer(surface.app, name="surface")
@@ -46,5 +47,6 @@ app.command("compare")(results.compare)
 app.command("fit")(fit.fit)
 app.command("report")(results.report)
 app.command("render")(render.render)
+app.command("validate")(validate.validate)
 app.add_typer(display.app, name="display")
 app.command("doctor")(doctor.doctor)

@@ -1,0 +1,121 @@
+"""Running the cases: seconds and memory beside the errors, on a machine that is named."""
+
+from __future__ import annotations
+
+import os
+import platform
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from ..errors import BackendError
+from .cases import CASES, Case, as_text, require
+
+Row = dict[str, Any]
+COLUMNS = ("case", "solver", "answer", "setting", "asked", "stated", "achieved", "seconds", "memory_mb", "note")
+
+
+def select(names: Sequence[str] = ()) -> list[Case]:
+    """The cases of those names, all without any; InputError for a name that there is not."""
+    return [require(n) for n in names] if names else list(CASES.values())
+
+
+def run_cases(
+    names: Sequence[str] = (), *, quick: bool = False, progress: Callable[[str, float], None] | None = None
+) -> list[Row]:
+    """One row a case and setting: errors asked, stated and achieved, seconds, memory above what was there before.
+
+    quick : the cheapest settings alone;  progress : called as progress(case, fraction)
+    A backend that is absent gives a row with the reason and no figures. Raises InputError for an unknown name.
+    """
+    rows: list[Row] = []
+    for case in select(names):
+        settings = case.quick if quick else case.settings
+        for n, setting in enumerate(settings):
+            if progress:
+                progress(case.name, n / len(settings))
+            if n == 0:
+                _warm_up(case, settings[0])
+            rows.append(_row(case, setting))
+        if progress:
+            progress(case.name, 1.0)
+    return rows
+
+
+def _warm_up(case: Case, setting: float) -> None:
+    """Loading libraries and compiling kernels is done once and is not the solver's time."""
+    try:
+        case.run(setting)
+    except BackendError:
+        pass
+
+
+def _row(case: Case, setting: float) -> Row:
+    row: Row = dict.fromkeys(COLUMNS) | {
+        "case": case.name,
+        "solver": case.solver,
+        "answer": case.answer,
+        "setting": as_text(setting, case.unit),
+    }
+    try:
+        with _Memory() as memory:
+            begin = time.perf_counter()
+            outcome = case.run(setting)
+            seconds = time.perf_counter() - begin
+    except BackendError as e:
+        return row | {"note": str(e)}
+    return row | asdict(outcome) | {"seconds": seconds, "memory_mb": memory.growth_mb}
+
+
+class _Memory:
+    """Growth of the resident memory while a block runs, sampled every 5 ms; None where the system does not tell."""
+
+    def __enter__(self) -> _Memory:
+        self.begin = self.most = _resident()
+        self.ended = threading.Event()
+        self.sampler = threading.Thread(target=self._sample, daemon=True)
+        self.sampler.start()
+        return self
+
+    def _sample(self) -> None:
+        while not self.ended.wait(0.005):
+            self.most = max(self.most, _resident())
+
+    def __exit__(self, *exception: Any) -> None:
+        self.ended.set()
+        self.sampler.join()
+
+    @property
+    def growth_mb(self) -> float | None:
+        return (self.most - self.begin) / 1e6 if self.begin else None
+
+
+def _resident() -> int:
+    try:
+        with open("/proc/self/statm", encoding="ascii") as stream:
+            return int(stream.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, ValueError, IndexError):
+        return 0
+
+
+def machine() -> dict[str, Any]:
+    """Processor, its count, system, load and versions that figures belong to."""
+    from ..dataset import versions
+
+    return {
+        "processor": _processor(),
+        "processors": os.cpu_count(),
+        "system": platform.platform(),
+        "load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
+        "versions": versions(),
+    }
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as stream:
+            return next(line.split(":")[1].strip() for line in stream if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()

@@ -1,0 +1,80 @@
+"""The command on accuracy: asked and achieved error of every solver beside its seconds and memory."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .common import Json, Quiet, Threads, print_json, print_table, progress_bars, say
+
+
+def accuracy(
+    cases: Annotated[
+        list[str] | None, typer.Argument(metavar="[CASE…]", help="Cases by name; all without any.", show_default=False)
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FOLDER", help="Where accuracy.csv, .json and .png go."),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="The cheapest settings of each case alone.", show_default=False)
+    ] = False,
+    known: Annotated[bool, typer.Option("--list", help="Name the cases and stop.", show_default=False)] = False,
+    as_json: Json = False,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Work-precision: every solver on cases whose answer is known.
+
+    Error asked for, stated and achieved, seconds, memory, on this machine, which is named.
+
+    Example: vgonio accuracy sinusoid-nufft v-groove -o accuracy
+    """
+    from ..accuracy import machine, run_cases, select
+
+    chosen = select(cases or ())
+    if known:
+        print_table("", ("case", "solver", "known answer"), [(c.name, c.solver, c.answer) for c in chosen])
+        return
+    with progress_bars() as progress:
+        rows = run_cases([c.name for c in chosen], quick=quick, progress=progress)
+    place = machine()
+    found: dict[str, Any] = {"machine": place, "rows": rows}
+    if output is not None:
+        _write(found, output)
+    if as_json:
+        print_json(found)
+    elif not quiet:
+        shown = ("case", "setting", "asked", "stated", "achieved", "seconds", "memory_mb", "note")
+        print_table("", shown, [[_plain(r[c]) for c in shown] for r in rows])
+        print(f"on {place['processor']}, {place['processors']} processors, load {place['load']}")
+        if output is not None:
+            say(f"written: accuracy.csv, accuracy.json and accuracy.png in {output}")
+
+
+def _plain(value: Any) -> Any:
+    """A figure that there is not is an empty cell."""
+    return None if isinstance(value, float) and value != value else value
+
+
+def _write(found: dict[str, Any], folder: Path) -> None:
+    import json
+
+    from ..files import written_whole
+    from ..planning import with_folder
+    from ..report.accuracy_figures import work_precision
+
+    table = io.StringIO()
+    writer = csv.DictWriter(table, fieldnames=list(found["rows"][0]))
+    writer.writeheader()
+    writer.writerows({k: _plain(v) for k, v in row.items()} for row in found["rows"])
+    text = json.dumps({**found, "rows": [{k: _plain(v) for k, v in r.items()} for r in found["rows"]]}, indent=1)
+    for name, content in (("accuracy.csv", table.getvalue()), ("accuracy.json", text)):
+        with written_whole(with_folder(folder / name)) as stream:
+            stream.write(content.encode())
+    with written_whole(folder / "accuracy.png") as stream:
+        work_precision(found["rows"]).savefig(stream, format="png", dpi=150)
