@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import base64
+import importlib.util
+import io
+import json
 import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from vgonio import display as vd
 from vgonio.report import display_figures as figures
 from vgonio.report.display_document import display_page, render_display
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -116,3 +127,44 @@ def test_coverage_in_closed_form(model):
     assert _area(_clipped(square + 5, half)) == 0
     small = replace(model, primaries=model.primaries * 0.5 + 0.5 * model.primaries.mean(axis=0))
     assert vd.coverage(small, "sRGB") < vd.coverage(model, "sRGB")
+
+
+@pytest.mark.parametrize("width", [1280, 500])
+def test_page_in_a_browser(two_eyes, tmp_path, width):
+    """As the page of results is looked at: all pictures there, nothing fetched, nothing outside window or figure."""
+    spec = importlib.util.spec_from_file_location("probe", ROOT / "tests" / "report" / "test_browser.py")
+    probe = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(probe)
+    browser = next((path for name in probe.BROWSERS if (path := shutil.which(name))), None)
+    if browser is None:
+        pytest.skip(
+            f"none of {', '.join(probe.BROWSERS)} is on the PATH: install chromium to load the page in a browser"
+        )
+    page = display_page(two_eyes, tmp_path / "page.html")
+    # pictures are decoded below instead: a busy machine does it slower than the browser's virtual time runs
+    script = re.sub(r"const loaded = await .*?;", "const loaded = pictures.map(p => !!p.src);", probe.PROBE)
+    text = page.read_text(encoding="utf-8")
+    page.write_text(text.replace("</head>", script, 1), encoding="utf-8")
+    embedded = re.findall(r'"data:image/png;base64,([^"]+)"', text)
+    assert len(embedded) >= 2
+    for picture in embedded:
+        assert min(Image.open(io.BytesIO(base64.b64decode(picture))).size) > 1
+    command = [browser, *probe.FLAGS, f"--user-data-dir={tmp_path}", f"--window-size={width},900", page.as_uri()]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    assert [line for line in run.stderr.splitlines() if "CONSOLE" in line] == []
+    seen = json.loads(re.search(r"<title>(\{.*?\})</title>", run.stdout, re.S).group(1).replace("&amp;", "&"))
+    assert len(seen["figures"]) == 8
+    assert all(w > 200 and h > 150 and marks > 5 for w, h, marks in seen["figures"])
+    assert seen["pictures"] == [True] * len(embedded)
+    assert seen["requests"] == []
+    assert seen["wide"] <= seen["window"]
+    assert seen["outside"] == []
+
+
+def test_the_example_checks_itself(tmp_path):
+    script = ROOT / "examples" / "display" / "headset.py"
+    run = subprocess.run([sys.executable, script, "-o", tmp_path], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert "check: calibrated colours arrive" in run.stdout
+    names = {p.name for p in tmp_path.iterdir()}
+    assert {"display.html", "left.icc", "right.cube", "patches.png"} <= names

@@ -148,7 +148,7 @@ def tone_curves(models: Mapping[str, DisplayModel]) -> Figure:
 def _histogram(ax: Axes, values: Floats, top: float, colour: str) -> None:
     from matplotlib.ticker import MaxNLocator
 
-    step = 0.25 if top <= 5 else 0.5 if top <= 10 else 1.0
+    step = 0.25 if top <= 5 else 0.5 if top <= 13 else 1.0
     bins = np.arange(0, np.ceil(top / step) * step + step / 2, step)
     ax.hist(np.minimum(values, bins[-1] - 1e-9), list(bins), color=colour, alpha=0.85, rwidth=0.92)
     ax.axvline(values.mean(), color=INK, lw=1.0, ls=(0, (4, 3)))
