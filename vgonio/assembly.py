@@ -127,6 +127,7 @@ def rays(scene: Scene, progress: Progress | None = None) -> Any:
         estimator=asked.estimator,
         polarised=asked.polarised,
         statistics=asked.statistics,
+        refinement_check=asked.refinement_check,
         threads=_threads(),
         progress=progress,
         **given,

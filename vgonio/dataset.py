@@ -41,6 +41,7 @@ COORDINATES = {
 VARIABLES = {
     "brdf": ("sr-1", "bidirectional reflectance distribution function"),
     "brdf_stderr": ("sr-1", "standard error of the mean of brdf"),
+    "brdf_refinement_change": ("sr-1", "what brdf changes by on twice the mesh refinement, the noise of both included"),
     "brdf_by_bounce": ("sr-1", "part of brdf by number of reflections"),
     "brdf_by_bounce_stderr": ("sr-1", "standard error of the mean of brdf_by_bounce"),
     "brdf_interference": ("sr-1", "interference between orders of reflection: brdf less the sum of them"),

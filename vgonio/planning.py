@@ -168,6 +168,8 @@ def _rays_beside(scene: Scene) -> str:
         parts.append(f"Mueller matrices of {numbers:,} elements ({16 * numbers / 1e6:.1f} MB){slower}")
     if asked.statistics:
         parts.append(f"statistics of {min(asked.rays, 50_000) * angles:,} rays more")
+    if asked.refinement_check:
+        parts.append("the same again on 4 times the facets")
     return "".join(f", {part}" for part in parts)
 
 

@@ -244,6 +244,47 @@ def test_table_of_fresnel_elements():
         assert np.allclose(table.summed(cos, None, 0), exact.sum(axis=0), rtol=1e-6)
 
 
+def test_joint_histograms_of_element_and_angle():
+    """Sums over rays by detector element, weighted, of a and of a²: 1e-6 beside the formula ray by ray."""
+    rng = np.random.default_rng(1)
+    cos, weight, row = rng.random(5000), rng.random(5000), rng.integers(0, 7, 5000)
+    for name in ("Al", "SiO2"):
+        table = FresnelTable(material(name), [400.0, 700.0])
+        s, p = (material(name).reflectance(cos, [400.0, 700.0], x) for x in "sp")
+        histogram = table.histogram(cos, weight, row, 7)
+        for exact, column in (
+            ((s + p) / 2, table.powers[0]),
+            ((s - p) / 2, table.powers[1]),
+            (((s + p) / 2) ** 2, table.squares[0]),
+            ((s**2 - p**2) / 2, table.squares[1]),
+            (((s - p) / 2) ** 2, table.squares[2]),
+        ):
+            expected = np.stack([(weight[:, None] * exact)[row == k].sum(axis=0) for k in range(7)])
+            assert np.allclose(histogram @ column, expected, atol=1e-6 * weight.sum())
+
+
+def test_what_finer_facets_change_is_no_standard_error():
+    """Of a cubic surface, and by less the finer they are; of plateaus nothing but noise."""
+    surface = rough((24, 24), slope=0.3, pitch=1.0)
+    gonio = Gonioreflectometer([20], range(-60, 61, 20), aperture_deg=15)
+    changes = []
+    for refinement in (1, 4):
+        solver = RayOptics("Al", [550], rays=100_000, refinement=refinement, refinement_check=True)
+        data = gonio.measure(surface, solver)
+        changes.append(float(np.abs(data.brdf_refinement_change).max() / data.brdf.max()))
+        finer = gonio.measure(surface, RayOptics("Al", [550], rays=100_000, refinement=2 * refinement))
+        assert np.allclose(data.brdf_refinement_change, finer.brdf - data.brdf, atol=1e-12)
+        assert data.brdf_refinement_change.attrs["units"] == "sr-1"
+        assert "refinement" in data.attrs["error_leaves_out"]
+        assert float(data.attrs["refinement_change"].split(",")[0]) > 0
+    # second order: 1/16 where the noise of both does not show
+    assert changes[1] < 0.3 * changes[0]
+    assert changes[0] > 0.01
+    plateaus = Heightfield(surface.z, 1.0, periodic=True, interpolation="nearest")
+    data = gonio.measure(plateaus, RayOptics("perfect", rays=20_000, refinement_check=True))
+    assert np.abs(data.brdf_refinement_change).max() < 5 * np.sqrt(2) * data.brdf_stderr.max() + 1e-9
+
+
 def test_input_is_checked():
     for bad in ({"rays": 0}, {"tol": 2}, {"seed": -1}, {"tracer": "embre"}, {"edges": "wrap"}, {"wavelength_nm": []}):
         with pytest.raises(InputError):

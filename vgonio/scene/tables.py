@@ -169,6 +169,7 @@ class Geometric(Table):
     seed: Annotated[int, Field(ge=0)] = 0
     polarised: bool = False
     statistics: bool = False
+    refinement_check: bool = False
 
 
 class Wave(Table):
