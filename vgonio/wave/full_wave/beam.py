@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .kernels import Complex
-from .panels import Floats
+from .panels import Floats, composite
 
 REACH = 6.0  # standard deviations of the spectrum that are kept: its amplitude there is 1.5e-8
 
@@ -42,8 +42,7 @@ def gaussian(k: float, theta_i: float, taper: float, centre: float, extent: floa
     """The beam from θ_i (radians) with ℓ = `taper` µm around x₀ = `centre`, for points within `extent` µm of there."""
     middle, width = np.sin(theta_i), REACH / (k * taper)
     lowest, highest = (np.arcsin(np.clip(middle + d, -1, 1)) for d in (-width, width))
-    n = 32 + int(np.ceil(k * (highest - lowest) * extent / 2))
-    t, w = np.polynomial.legendre.leggauss(n)
+    t, w = composite(48 + 0.8 * k * (highest - lowest) * extent)
     theta = lowest + (highest - lowest) * (t + 1) / 2
     du = w * (highest - lowest) / 2 * k * np.cos(theta)  # of k sin θ
     spectrum = taper / np.sqrt(2 * np.pi) * np.exp(-((k * taper * (np.sin(theta) - middle)) ** 2) / 2)

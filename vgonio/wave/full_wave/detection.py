@@ -13,7 +13,7 @@ from scipy.special import erf, erfinv
 
 from ...directions import Detector
 from ...units import radians
-from .panels import Floats
+from .panels import Floats, composite
 
 Density = Callable[[Floats], Floats]  # s_x (m,) -> (r, m) power per unit of s_x over incident power
 ACROSS = 24  # directions across the plane, for cells of a hemisphere
@@ -48,21 +48,19 @@ def _cone_nodes(detector: Detector, sign: float, width: float, rate: float) -> t
     sine, weight, element = [], [], []
     for i, t in enumerate(radians(detector.theta_deg)):
         half = np.cos(t) * np.sin(a)
-        n = 24 + int(np.ceil(rate * half * 1.2))
-        u, w = np.polynomial.legendre.leggauss(n)
+        u, w = composite(24 + rate * half * 1.5)
         position = np.sin(u * np.pi / 2)
         across = erf(width * np.sin(a) * np.sqrt(1 - position**2))
         sine.append(sign * (np.sin(t) * np.cos(a) + half * position))
         weight.append(w * np.pi / 2 * half * np.cos(u * np.pi / 2) * across)
-        element.append(np.full(n, i))
+        element.append(np.full(len(u), i))
     s, w, e = np.concatenate(sine), np.concatenate(weight), np.concatenate(element)
     up = np.abs(s) < 1 - 1e-12
     return s[up], w[up], e[up]
 
 
 def _cells(detector: Detector, sign: float, k: float, taper: float, p: Density, rate: float) -> tuple[Floats, Floats]:
-    n = 64 + int(np.ceil(1.2 * rate)) + 4 * len(detector.ring_cells)
-    t, w = np.polynomial.legendre.leggauss(n)
+    t, w = composite(64 + 1.5 * rate + 4 * len(detector.ring_cells))
     sine, weight = np.sin(t * np.pi / 2), w * np.pi / 2 * np.cos(t * np.pi / 2)
     across = erfinv(2 * (np.arange(ACROSS) + 0.5) / ACROSS - 1) / (k * taper)
     sx, sy = (a.ravel() for a in np.meshgrid(sine, across, indexing="ij"))

@@ -41,9 +41,10 @@ def solved(
         price = effort.cost(curve.size, index, len(polarisations), len(theta), True)
         effort.require_affordable(price, f"a period of {period:.3g} µm at {wavelength_nm:g} nm")
         grating = Grating.of(curve, period, wavelength, index, polarisations)
-        found = [[grating.diffract(float(t), p) for t in theta] for p in polarisations]
-        every = [d for row in found for d in row]
-        return _rows(every), found, max(abs(1 - d.reflected - d.absorbed) for d in every)
+        found = [grating.diffract(float(t), polarisations) for t in theta]
+        table = [[one[p] for one in found] for p in range(len(polarisations))]
+        every = [d for row in table for d in row]
+        return _rows(every), table, max(abs(1 - d.reflected - d.absorbed) for d in every)
 
     _, table, error = effort.converged(run, solver.tol)
     return table, error
@@ -81,7 +82,7 @@ def orders(solver: FullWave, surface: Heightfield, theta_i_deg: Any) -> xr.Datas
         "period_um": surface.period_um or surface.size_um[1],
         "unknowns": max(d.unknowns for table, _ in found for row in table for d in row),
         "error_achieved": error,
-        "error_estimate": "largest difference from efficiencies on panels 1.5 times longer, relative to the largest, "
+        "error_estimate": "largest difference from efficiencies on coarser panels, relative to the largest, "
         "or the error of the energy balance where that is larger",
         "remarks": json.dumps(said, ensure_ascii=False),
         "seconds": time.perf_counter() - start,

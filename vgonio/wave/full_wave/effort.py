@@ -14,8 +14,9 @@ from .panels import Floats
 from .profile import Resolution
 
 MOST_UNKNOWNS = 8000
-ORDER, FEW = 10, 6  # nodes of a panel; of one among corners, for tol ≥ LAX
+ORDER, FEW = 10, 5  # nodes of a panel; of one among corners in the first solution, for tol ≥ LAX
 LAX = 3e-4
+MISSED = 1e-2  # of tol·λ: what panels may miss of the surface in the first solution
 COARSE, FINER = 1.6, 1.5  # longest panel of the first solution in wavelengths; each further one is so much finer
 ROUNDS = 4  # solutions at most
 PER_KERNEL, PER_FLOP = 60e-9, 1 / 2e10  # seconds of a kernel value and of an operation, one core of 2023
@@ -36,12 +37,18 @@ class Cost:
 
 
 def resolution(surface: Heightfield, wavelength: float, index: complex | None, tol: float, round_: int) -> Resolution:
-    """Panels of the `round_`-th solution: shorter inside a material where the wavelength is; of lower order where
-    there are corners, which many short panels surround (not so for perfect conductors: currents are infinite there)."""
+    """Panels of the `round_`-th solution: shorter inside a material where the wavelength is.
+
+    Smooth profiles are solved on shorter and shorter panels. Among corners it is the number of nodes that grows: panels
+    that shrink towards a corner are as many as they are, and fields on them converge exponentially in that number. On
+    a perfect conductor, whose current is infinite at an edge, it starts higher.
+    """
     inside = 1.0 if index is None else max(1.0, complex(index).real)
-    few = surface.interpolation != "cubic" and tol >= LAX and index is not None
-    longest = COARSE * (FEW / ORDER if few else 1.0) * wavelength / inside / FINER**round_
-    return Resolution(longest, 1e-3 * tol * wavelength / 4**round_, FEW if few else ORDER, round_)
+    order = ORDER
+    if surface.interpolation != "cubic":
+        order = max(4, (FEW if tol >= LAX and index is not None else ORDER - 2) + 2 * round_)
+    longest = COARSE * order / ORDER * wavelength / inside / FINER**round_
+    return Resolution(longest, MISSED * tol * wavelength / 4**round_, order, round_)
 
 
 def cost(nodes: int, index: complex | None, polarisations: int, incidences: int, periodic: bool) -> Cost:

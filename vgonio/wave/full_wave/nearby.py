@@ -90,7 +90,7 @@ def vandermonde(s: Floats, p: int) -> Floats:
 
 def rule(s: Floats, distance: Floats) -> tuple[Floats, Floats]:
     """Parameters and weights (m, 2·POINTS) on [−1, 1], crowded around s (m,) on the scale `distance` (m,)."""
-    u, w = (np.polynomial.legendre.leggauss(POINTS)[0] + 1) / 2, np.polynomial.legendre.leggauss(POINTS)[1] / 2
+    u, w = (legendre(POINTS)[0] + 1) / 2, legendre(POINTS)[1] / 2
     points, weights = [], []
     for side in (-1.0, 1.0):
         room = 1 - side * s[:, None]

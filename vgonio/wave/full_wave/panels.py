@@ -28,6 +28,14 @@ def legendre(p: int) -> tuple[Floats, Floats, Floats]:
     return s, w, inverse
 
 
+def composite(n: float) -> tuple[Floats, Floats]:
+    """At least n nodes and weights on [−1, 1]: Gauss–Legendre of 16 nodes on equal pieces."""
+    s, w, _ = legendre(16)
+    pieces = max(1, int(np.ceil(n / 16)))
+    middle = (2 * np.arange(pieces) + 1) / pieces - 1
+    return (middle[:, None] + s / pieces).ravel(), np.tile(w / pieces, pieces)
+
+
 @dataclass(frozen=True, eq=False)
 class Panels:
     """Q panels of p nodes each: positions and their derivatives by the panel's own parameter s in [−1, 1].

@@ -23,7 +23,7 @@ class Diffraction:
     sine : (m,) sin θ_o;  efficiency : (m,)
     reflected, absorbed, transmitted : shares of the incident power; absorbed is the flux through the surface,
         transmitted that of the orders inside a loss-free material (NaN in others)
-    grazing : smallest |γ/k| of an order in air, 0 at Wood's anomaly
+    grazing : smallest |γ/k| of an order in air or a loss-free material, 0 at Wood's anomaly
     """
 
     order: np.ndarray
@@ -58,31 +58,35 @@ class Grating:
         inside = {} if index is None else _images(k * index, curve, period, ("single", "double"))
         return Grating(curve, period, k, index, _images(k, curve, period, wanted), inside)
 
-    def diffract(self, theta_i: float, polarisation: str) -> Diffraction:
-        """Efficiencies for a plane wave from θ_i (radians)."""
+    def diffract(self, theta_i: float, polarisations: tuple[str, ...]) -> list[Diffraction]:
+        """Efficiencies for a plane wave from θ_i (radians), in each of the polarisations."""
         alpha, grazing = self._alpha(theta_i)
+        gamma = np.sqrt(self.k**2 - alpha**2)
         height = float(np.ptp(self.curve.z))
-        needed = system.operators_needed(self.index is None, polarisation)
-        air = _summed({m: {n: a[n] for n in needed} for m, a in self.air.items()}, alpha, self.period)
+        air = _summed(self.air, alpha, self.period)
         lattice.far_images(self.k, alpha, self.period, height).add(self.curve, air)
         inside = None
         if self.index is not None:
             inside = _summed(self.inside, alpha, self.period)
             lattice.far_images(self.k * self.index, alpha, self.period, height).add(self.curve, inside)
-        factor = system.factored(self.curve, self.k, self.index, polarisation, air, inside)
-        gamma = np.sqrt(self.k**2 - alpha**2)
         (x, z), (nx, nz) = self.curve.point, self.curve.normal
         field = np.exp(1j * (alpha * x - gamma * z))[:, None]
         slope = field * (1j * (alpha * nx - gamma * nz))[:, None]
-        psi, phi, residual = factor.solve(field, slope)
-        return self._orders(alpha, gamma, psi[:, 0], phi[:, 0], polarisation, factor, float(residual[0]), grazing)
+        found = []
+        for p in polarisations:
+            factor = system.factored(self.curve, self.k, self.index, p, air, inside)
+            psi, phi, residual = factor.solve(field, slope)
+            found.append(self._orders(alpha, gamma, psi[:, 0], phi[:, 0], p, factor, float(residual[0]), grazing))
+        return found
 
     def _alpha(self, theta_i: float) -> tuple[float, float]:
-        """k sin θ of the incident wave, off an exact anomaly; |γ/k| of the order closest to grazing."""
+        """k sin θ of the incident wave, off an exact anomaly; |γ/k| of the order closest to grazing, above or below."""
         alpha = -self.k * np.sin(theta_i)
-        most = int(np.ceil(self.k * self.period / np.pi)) + 2
-        n = np.arange(-most, most + 1)
-        grazing = float(np.abs(lattice.gammas(self.k, alpha + 2 * np.pi * n / self.period)).min() / self.k)
+        grazing = 1.0
+        for k in [self.k] + ([] if self.index is None or self.index.imag else [self.k * self.index.real]):
+            most = int(np.ceil(k * self.period / np.pi)) + 2
+            a = alpha + 2 * np.pi * np.arange(-most, most + 1) / self.period
+            grazing = min(grazing, float(np.abs(lattice.gammas(k, a)).min() / k))
         if grazing < WOOD:
             alpha += (-1 if alpha > 0 else 1) * self.k * WOOD**2
         return float(alpha), grazing

@@ -14,7 +14,7 @@ import xarray as xr
 
 from ...dataset import brdf_dataset, versions
 from ...directions import Detector, Incoming, wavelength_list
-from ...errors import InputError, VgonioWarning, nearest, relative_tolerance, whole
+from ...errors import InputError, VgonioWarning, relative_tolerance, whole
 from ...materials import Material, material
 from ...surface.heightfield import Heightfield
 from . import diffraction, windows
@@ -55,7 +55,7 @@ class FullWave:
     def __post_init__(self) -> None:
         object.__setattr__(self, "wavelength_nm", tuple(wavelength_list(self.wavelength_nm)))
         if self.polarisation not in POLARISATIONS:
-            raise InputError(f"polarisation {self.polarisation!r}: {nearest(str(self.polarisation), POLARISATIONS)}")
+            raise InputError(f"polarisation {self.polarisation!r}: allowed are {', '.join(POLARISATIONS)}")
         relative_tolerance(self.tol)
         if self.windows is not None:
             whole("windows", self.windows, 1)
@@ -178,7 +178,7 @@ class FullWave:
                 "polarisation": incoming.polarisation if self.polarisation == "both" else self.polarisation,
                 "unknowns": max(one.unknowns for one in outcomes),
                 "error_achieved": error,
-                "error_estimate": "largest difference from the solution on panels 1.5 times longer, relative to the "
+                "error_estimate": "largest difference from the solution on coarser panels, relative to the "
                 "largest value in theta_o; the error of the coarser one, it bounds that of the finer one",
                 "remarks": json.dumps(remarks, ensure_ascii=False),
             },

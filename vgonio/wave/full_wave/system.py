@@ -16,6 +16,7 @@ Y = (β S₂)⁻¹ (½ + D₂), φ = Yψ. Then (½ − D₁ + S₁ Y) ψ = ψ_i 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -29,7 +30,7 @@ RESIDUAL_ROWS = 64
 SPARSE = 0.12  # share of entries other than zero up to which the material's operators count as sparse
 DROPPED = 1e-14  # of the largest entry of the admittance
 
-Operators = dict[str, Complex]
+Operators = dict[str, Any]  # matrices by name, and the admittance once it is known
 
 
 def operators_needed(perfect: bool, polarisation: str) -> tuple[str, ...]:
@@ -101,7 +102,9 @@ def factored(
         else:
             a = -air["double"]
     elif np.count_nonzero(inside["single"]) < SPARSE * n**2:
-        admittance = _admittance(panels, contrast(index, polarisation), inside)
+        if "admittance" not in inside:  # the same for both polarisations but for β
+            inside["admittance"] = _admittance(panels, inside)
+        admittance = inside["admittance"] / contrast(index, polarisation)
         a = (admittance.T @ air["single"].T).T - air["double"]
     else:
         unknown = "both"
@@ -123,14 +126,14 @@ def _shortness(panels: Panels, k: float) -> Floats:
     return np.minimum(1.0, k * np.repeat(panels.length, panels.order))
 
 
-def _admittance(panels: Panels, beta: complex, inside: Operators) -> sp.csr_array:
-    """Y = (β S₂)⁻¹ (½ + D₂), sparse."""
+def _admittance(panels: Panels, inside: Operators) -> sp.csr_array:
+    """βY = S₂⁻¹ (½ + D₂), sparse."""
     n = panels.size
     right = inside["double"].copy()
     right[np.arange(n), np.arange(n)] += 0.5
     found = scipy.sparse.linalg.splu(sp.csc_array(inside["single"])).solve(right)
     found[np.abs(found) < DROPPED * np.abs(found).max()] = 0.0
-    return sp.csr_array(found) / beta
+    return sp.csr_array(found)
 
 
 def _factorise(

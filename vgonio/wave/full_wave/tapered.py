@@ -62,7 +62,7 @@ class Fields:
     def reflected(self) -> Floats:
         """(r,) total power scattered upward over incident power."""
         extent = float(np.ptp(self.curve.x)) + float(np.ptp(self.curve.z))
-        t, w = np.polynomial.legendre.leggauss(64 + int(self.k * extent))
+        t, w = panels.composite(64 + 1.2 * self.k * extent)
         return np.asarray(self.density(t * np.pi / 2) @ w * np.pi / 2)
 
     def absorbed(self) -> Floats:
