@@ -219,6 +219,28 @@ def test_the_bound_of_the_reflectance(facets):
     assert reflectance_bound(mirror) == 0.0
 
 
+def test_signed_polar_angles_and_the_horizon(tmp_path):
+    """−30° at φ is 30° at φ + 180°; rows at 90° and below the horizon (transmitted light) are left out and counted."""
+    text = "ANGLE_UNITS degrees\nVARS theta_i,phi_i,theta_s,phi_s,550nm\n"
+    rows = [(30, 0, -30, 0, 0.3), (30, 0, 10, 0, 0.2), (30, 0, 90, 0, 0.1), (30, 0, 150, 180, 0.1)]
+    text += "".join(",".join(map(str, r)) + "\n" for r in rows)
+    data = readers.read(written(tmp_path / "a.astm", text))
+    assert data.theta_o.values.tolist() == [-30, 10]
+    assert data.brdf.values.ravel().tolist() == [0.3, 0.2]
+    assert data.attrs["repairs"] == "2 rows at the horizon or below left out"
+    with pytest.raises(FileFormatError, match="90° is not allowed"):
+        readers.read(written(tmp_path / "b.astm", "\n".join(text.splitlines()[:2] + ["30,0,90,0,0.1"]) + "\n"))
+    with pytest.raises(FileFormatError, match="polar angle 95° is not allowed"):
+        readers.read(written(tmp_path / "c.astm", text + "95,0,10,0,0.3\n"))
+
+
+def test_normal_incidence_alone_keeps_its_sides(tmp_path):
+    """Light along the normal has no azimuth: +θ_o stays at φ = 0."""
+    data = readers.read(csv(tmp_path, [(0, -80, 550, 0.1), (0, 20, 550, 0.2)]))
+    assert data.theta_o.values.tolist() == [-80, 20]
+    assert float(data.phi_i) == 0
+
+
 def test_options_of_other_formats(tmp_path):
     with pytest.raises(InputError, match="reading csv knows no option 'wavelength_nm'"):
         readers.read(csv(tmp_path, rows()), wavelength_nm=550)

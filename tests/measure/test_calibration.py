@@ -241,6 +241,21 @@ def test_aperture_and_divergence_convolve_a_lobe():
     assert seen[0] < 0.85 / sigma**2
 
 
+def test_a_simulated_result_through_the_instrument(facets):
+    """A dataset at its own angles: without any effect it comes back, its lobe is flattened by the cones."""
+    data = sampled(facets(0.1), [0, 30, 60], np.arange(-75, 76, 1.0))
+    same = Instrument(aperture_deg=0, divergence_deg=0, bandwidth_nm=0).seen(data, fill="half-angle")
+    np.testing.assert_allclose(same.brdf, data.brdf, rtol=0.01)
+    blurred = Instrument(aperture_deg=6, divergence_deg=0, bandwidth_nm=0).seen(data, fill="half-angle")
+    mirror = blurred.brdf.sel(theta_i=30, theta_o=-30) / data.brdf.sel(theta_i=30, theta_o=-30)
+    assert (mirror < 0.97).all()
+    assert (mirror > 0.7).all()
+    with pytest.raises(InputError, match="other azimuths"):
+        IDEAL.seen(data)
+    with pytest.raises(InputError, match="theta_i_deg and theta_o_deg are needed"):
+        IDEAL.seen(lambert())
+
+
 def test_bandwidth_is_a_gaussian_line():
     """A Gaussian spectrum of width s seen with a line of width t: √(s² + t²); a linear one stays; 1 stays 1."""
     nm = np.arange(400, 701, 1.0)

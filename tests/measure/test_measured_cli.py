@@ -11,6 +11,8 @@ from vgonio import scene
 from vgonio.assembly import measured
 from vgonio.cli import main
 from vgonio.measure import readers
+from vgonio.measure.calibration import lambertian_standard
+from vgonio.measure.instrument import Instrument
 from vgonio.measure.isotropic import sampled
 
 
@@ -80,6 +82,51 @@ def test_cross_validate(tmp_path, plane, capsys):
     assert rows[-1]["name"] == "other.csv"
     assert main(["measured", "cross-validate", str(plane), str(other)]) == 0
     assert "mean of all" in capsys.readouterr().out
+
+
+def counts_csv(path, data):
+    """A CSV of counts: θ_i, θ_o, λ, counts, standard error."""
+    lines = ["theta_i_deg,theta_o_deg,wavelength_nm,counts,counts_stderr"]
+    for i in data.theta_i.values:
+        for o in data.theta_o.values:
+            for w in data.wavelength.values:
+                here = data.sel(theta_i=i, theta_o=o, wavelength=w)
+                lines.append(f"{i},{o},{w},{here.counts.item():.17g},{here.counts_stderr.item():.17g}")
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_calibrate(tmp_path, facets, capsys):
+    """Counts of sample and standard in files, the standard's BRDF in a third: the sample's BRDF within its errors."""
+    instrument = Instrument(aperture_deg=0, divergence_deg=0, bandwidth_nm=0)
+    lamp, angles, nm = np.array([1e5, 2e5, 3e5]), np.arange(-80, 81, 10), np.array([450.0, 550.0, 650.0])
+    paper = lambertian_standard(nm, [0.9, 0.95, 0.97], [0.002] * 3)
+    white = instrument.seen(paper.drop_vars("brdf_stderr"), [10], angles, fill="azimuth")
+    sample = sampled(facets(0.4, 0.3), [0, 30, 60], angles)
+    files = {
+        "white.csv": instrument.counts(white, lamp, 1),
+        "sample.csv": instrument.counts(sample, lamp / 10, 2).map(lambda v: v * 10),
+    }
+    for name, data in files.items():
+        counts_csv(tmp_path / name, data)
+    standard = readers.write(paper, tmp_path / "standard.json")
+    out = tmp_path / "out.json"
+    command = ["measured", "calibrate", str(tmp_path / "sample.csv"), "--white", str(tmp_path / "white.csv")]
+    command += ["--standard", str(standard), "-o", str(out)]
+    assert main([*command, "--standard-nm", "all"]) == 0
+    assert "17 angles" in capsys.readouterr().out
+    found = readers.read(out)
+    pull = (found.brdf - sample.brdf) / found.brdf_stderr
+    assert float((pull**2).mean()) < 2  # the standard is exact here, its stated 0.2 % only widens the errors
+    assert float(np.abs(pull).max()) < 4.5
+    assert float(np.abs(found.brdf / sample.brdf - 1).median()) < 0.01
+    # the standard at 550 nm for all: the spectrum tilts by that of the standard
+    assert main([*command, "--standard-nm", "550"]) == 0
+    ratio = (readers.read(out).brdf / found.brdf).mean(["theta_i", "theta_o"])
+    np.testing.assert_allclose(ratio, [0.95 / 0.9, 1, 0.95 / 0.97], rtol=1e-6)
+    assert main([*command, "--standard-nm", "green"]) == 2
+    assert "a wavelength in nm or all" in capsys.readouterr().err
+    assert main(["measured", "calibrate", str(standard), *command[3:]]) == 2
 
 
 def test_formats_are_listed(capsys):

@@ -95,6 +95,50 @@ def convert(
     say(f"{readers.write(data, output, to, **writing)}: {readers.facts(data)['directions']}")
 
 
+@app.command()
+def calibrate(
+    counts: Annotated[Path, typer.Argument(metavar="COUNTS", help="CSV of counts on the sample.", show_default=False)],
+    white: Annotated[Path, typer.Option("--white", metavar="COUNTS", help="CSV of counts on the standard.")],
+    standard: Annotated[Path, typer.Option("--standard", metavar="FILE", help="BRDF of the standard, any format.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT", help="BRDF: .json, .csv, .nc …")],
+    theta_i: Annotated[float, typer.Option("--theta-i", help="Where the standard is averaged, degrees.")] = 10.0,
+    standard_nm: Annotated[
+        str, typer.Option("--standard-nm", help="Where the standard's BRDF is taken: a wavelength, or all.")
+    ] = "533",
+    standard_error: Annotated[
+        float | None, typer.Option("--standard-error", help="Relative, of the standard.", show_default="the file's")
+    ] = None,
+    tilted: Annotated[bool, typer.Option("--tilted", help="Sample and detector tilted by 4° and 8°.")] = False,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Turn counts of a spectrometer into a BRDF.
+
+    Relative calibration against a diffuse standard, averaged over θ_o = −80 … 80°. A CSV of counts has the columns
+    theta_i_deg, theta_o_deg, wavelength_nm, counts and, if known, counts_stderr.
+
+    Example: vgonio measured calibrate sample.csv --white white.csv --standard spectralon.json -o sample.json
+    """
+    from .. import measure
+    from ..measure.readers.plain_csv import read_counts
+
+    try:
+        nm = None if standard_nm == "all" else float(standard_nm)
+    except ValueError:
+        raise InputError(f"--standard-nm {standard_nm}: a wavelength in nm or all") from None
+    factor = measure.calibration_factor(
+        read_counts(white),
+        measure.read(standard),
+        theta_i_deg=theta_i,
+        standard_nm=nm,
+        standard_relative=standard_error,
+    )
+    data = measure.calibrate(read_counts(counts), factor, tilt=measure.Tilt() if tilted else None)
+    share = float((data["brdf_stderr"] / data["brdf"]).median())
+    path = measure.write(data.drop_vars(["brdf_stderr_by_source", "source"]), output)
+    say(f"{path}: standard averaged over {factor.attrs['angles']} angles, median standard error {share:.2%}")
+
+
 @app.command("cross-validate")
 def cross_validate(
     files: Annotated[list[Path], typer.Argument(metavar="A B [C …]", help="BRDFs of one sample.", show_default=False)],

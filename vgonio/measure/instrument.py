@@ -18,7 +18,7 @@ from ..directions import angle_list, frames, scalar, unit_vectors
 from ..errors import InputError
 from ..units import radians
 from .calibration import DIMS, REPEATABILITY_DEG, Spectrometer, Tilt
-from .isotropic import IsotropicBrdf
+from .isotropic import IsotropicBrdf, isotropic
 
 Floats = NDArray[np.float64]
 RINGS = 3
@@ -59,13 +59,28 @@ class Instrument:
         """Length in mm of the spot in the plane of incidence, 2.5 mm/cos θ_o: 29 mm at 85°."""
         return self.spot_mm / np.cos(radians(theta_o_deg))
 
-    def seen(self, brdf: IsotropicBrdf, theta_i_deg: ArrayLike, theta_o_deg: ArrayLike) -> xr.Dataset:
+    def seen(
+        self,
+        brdf: IsotropicBrdf | xr.Dataset,
+        theta_i_deg: ArrayLike | None = None,
+        theta_o_deg: ArrayLike | None = None,
+        fill: str | None = None,
+    ) -> xr.Dataset:
         """The BRDF as this instrument sees it without noise, in plane: brdf (theta_i, theta_o, wavelength), sr⁻¹.
 
+        brdf : known everywhere, or a dataset whose azimuths `fill` says (`measure.isotropic.isotropic`); what a dataset
+        was averaged over already stays in it;  theta_i_deg, theta_o_deg : by default those of an in-plane dataset
         f cos θ_i cos θ_o is averaged over both cones (the parts above the horizon) and divided by the average of
         cos θ_i cos θ_o; `lit` (theta_i, theta_o) is the share of the spot that is lit and on the sample, and scales
         the values. Raises InputError for angles outside −90 … 90°.
         """
+        if isinstance(brdf, xr.Dataset):
+            flat = "theta_o" in brdf["brdf"].dims
+            theta_i_deg = brdf["theta_i"].values if theta_i_deg is None else theta_i_deg
+            theta_o_deg = brdf["theta_o"].values if theta_o_deg is None and flat else theta_o_deg
+            brdf = isotropic(brdf, fill)
+        if theta_i_deg is None or theta_o_deg is None:
+            raise InputError("theta_i_deg and theta_o_deg are needed: the BRDF does not say where it is to be measured")
         theta_i, theta_o = angle_list(theta_i_deg, "theta_i_deg"), angle_list(theta_o_deg, "theta_o_deg")
         i, o = (a.ravel() for a in np.meshgrid(theta_i, theta_o, indexing="ij"))
         centres = self.tilt.directions(i, o)

@@ -138,7 +138,7 @@ def facts(data: xr.Dataset) -> dict[str, Any]:
         "theta_i_deg": f"{theta_i.size}: {theta_i.min():g} … {theta_i.max():g}",
         "directions": f"{where}, θ_o {theta_o.min():g} … {theta_o.max():g}°",
         "wavelength_nm": f"{nm.size}: {nm.min():g} … {nm.max():g}",
-        "brdf_per_sr": f"{np.nanmin(values):.4g} … {np.nanmax(values):.4g}",
+        "brdf_per_sr": f"{np.nanmin(values):.4g} … {np.nanmax(values):.4g}" if np.isfinite(values).any() else "none",
         "missing": f"{np.isnan(values).mean():.1%} of the grid",
         "errors": "yes" if "brdf_stderr" in data else "no",
         **{k: data.attrs[k] for k in notes if data.attrs.get(k)},

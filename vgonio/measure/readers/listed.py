@@ -62,13 +62,15 @@ def from_rows(
 ) -> xr.Dataset:
     """The dataset of rows that hold one direction pair and one wavelength each.
 
-    directions : (n, 4) θ_i, φ_i, θ_o, φ_o in degrees, θ ≥ 0;  wavelength : (n,);  value, stderr : (n,)
+    directions : (n, 4) θ_i, φ_i, θ_o, φ_o in degrees;  wavelength : (n,);  value, stderr : (n,)
+    A negative polar angle is one on the other side; reflected directions at the horizon and below are left out.
     Raises FileFormatError for no rows, angles or wavelengths that cannot be, or rows that appear twice.
     """
-    if not len(directions):
-        raise FileFormatError(f"{where} holds no rows of data")
-    if not np.all(np.isfinite(directions)):
-        raise FileFormatError(f"{where}: an angle is missing or not finite")
+    if not np.all(np.isfinite(wavelength)):
+        raise FileFormatError(f"{where}: a wavelength is missing or not finite")
+    directions, kept, note = _upright(directions, where)
+    wavelength, value, stderr = wavelength[kept], value[kept], None if stderr is None else stderr[kept]
+    attrs = {**attrs, **note}
     axis = np.unique(np.round(wavelength, 9))
     checks.check_values(directions[:, [0, 2]].ravel(), axis, where)
     pairs, pair = np.unique(np.round(directions / SAME_ANGLE) * SAME_ANGLE, axis=0, return_inverse=True)
@@ -95,6 +97,24 @@ def from_rows(
     )
 
 
+def _upright(directions: Floats, where: str) -> tuple[Floats, NDArray[np.bool_], dict[str, str]]:
+    """Directions with θ ≥ 0 and φ in 0 … 360°, which rows are above the horizon, and a note on those that are not."""
+    if not len(directions):
+        raise FileFormatError(f"{where} holds no rows of data")
+    if not np.all(np.isfinite(directions)):
+        raise FileFormatError(f"{where}: an angle is missing or not finite")
+    directions = directions.copy()
+    for theta, phi in ((0, 1), (2, 3)):
+        directions[:, phi] = (directions[:, phi] + np.where(directions[:, theta] < 0, 180.0, 0.0)) % 360.0
+        directions[:, theta] = np.abs(directions[:, theta])
+    kept = directions[:, 2] < 90
+    lost = int(np.sum(~kept & (directions[:, 2] <= 180)))
+    if lost == 0 or not kept.any():
+        return directions, np.ones(len(directions), bool), {}
+    kept |= directions[:, 2] > 180  # no angle at all: refused later
+    return directions[kept], kept, {"repairs": f"{lost} rows at the horizon or below left out"}
+
+
 def from_spectra(
     directions: Floats,
     wavelength: Floats,
@@ -106,11 +126,14 @@ def from_spectra(
     attrs: Mapping[str, Any],
 ) -> xr.Dataset:
     """The same from one spectrum (n, n_λ) for each row of `directions` (n, 4)."""
+    directions, kept, note = _upright(directions, where)
+    spectra, stderr, attrs = spectra[kept], None if stderr is None else stderr[kept], {**attrs, **note}
     checks.check_values(directions[:, [0, 2]].ravel(), wavelength, where)
     checks.check_size(np.unique(directions[:, 0]).size * np.unique(directions[:, 2:], axis=0).shape[0], where)
     theta_i, phi_i, theta_o, phi_o = directions.T
     off = theta_i > SAME_ANGLE
-    plane = float(phi_i[off][0]) if off.any() else float(phi_o[theta_o.argmax()])
+    # light along the normal has no azimuth: the plane is that of the directions of reflection
+    plane = float(phi_i[off][0]) if off.any() else float(phi_o[theta_o.argmax()]) % 180.0
     try:
         signed = [signed_angles(t, p, plane, where) for t, p in ((theta_i, phi_i), (theta_o, phi_o))]
     except FileFormatError:

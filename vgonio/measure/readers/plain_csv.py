@@ -11,6 +11,7 @@ below 50, and the attribute `units_assumed` says so.
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -33,6 +34,8 @@ NAMES = {
     "wavelength": ("wavelength", "lambda"),
     "brdf": ("brdf", "bsdf", "f_r", "fr"),
     "brdf_stderr": ("brdf_stderr", "stderr", "brdf_standard_error"),
+    "counts": ("counts", "count", "v", "signal"),
+    "counts_stderr": ("counts_stderr",),
 }
 ANGLES = ("theta_i", "phi_i", "theta_o", "phi_o")
 KNOWN_UNITS = {
@@ -75,6 +78,28 @@ def read(path: Path, repairs: Repairs) -> xr.Dataset:
 
     Raises FileFormatError for columns that are missing or twice, units that are not known, and rows that are damaged.
     """
+    return _read(path, repairs, "brdf")
+
+
+def read_counts(path: str | os.PathLike[str], duplicates: str = "error") -> xr.Dataset:
+    """Counts of a spectrometer from a plain CSV with a column `counts`, and `counts_stderr` if known, in plane.
+
+    Returns counts (theta_i, theta_o, wavelength) for `measure.calibration`. Raises FileFormatError as `read` does.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileFormatError(f"no such file: {path}")
+    data = _read(path, Repairs(duplicates=duplicates), "counts")
+    if "theta_o" not in data["brdf"].dims:
+        raise FileFormatError(f"{path}: counts are calibrated in plane, its directions are not")
+    data = data.rename({"brdf": "counts"} | ({"brdf_stderr": "counts_stderr"} if "brdf_stderr" in data else {}))
+    for name in ("counts", "counts_stderr"):
+        if name in data:
+            data[name].attrs = {"units": "count", "long_name": f"{name.replace('_stderr', ': standard error')}"}
+    return data
+
+
+def _read(path: Path, repairs: Repairs, quantity: str) -> xr.Dataset:
     lines = [
         (k, line)
         for k, line in enumerate(text_of(path, "CSV").splitlines(), 1)
@@ -82,7 +107,7 @@ def read(path: Path, repairs: Repairs) -> xr.Dataset:
     ]
     if not lines:
         raise FileFormatError(f"{path} holds no header line")
-    place, units = _columns(_fields(lines[0][1]), path)
+    place, units = _columns(_fields(lines[0][1]), path, quantity)
     values = table_of([(k, _fields(line)) for k, line in lines[1:]], len(_fields(lines[0][1])), path)
     columns = {name: values[:, k] for name, k in place.items()}
     if not len(values):
@@ -93,20 +118,21 @@ def read(path: Path, repairs: Repairs) -> xr.Dataset:
         directions = signed_as_full(angles["theta_i"], angles["theta_o"], angles.get("phi_i", 0.0))
     else:
         directions = np.stack([np.broadcast_to(angles.get(k, 0.0), len(values)) for k in ANGLES], axis=1)
-    factor = {name: UNITS[units[name] or units["brdf"] or "sr-1"] for name in ("brdf", "brdf_stderr") if name in place}
-    attrs = {"source": path.name} | ({"units_assumed": "; ".join(assumed)} if assumed else {})
+    error = f"{quantity}_stderr"
+    factor = {name: UNITS[units[name] or units[quantity] or "sr-1"] for name in (quantity, error) if name in place}
+    wavelength = _wavelength(columns["wavelength"], units["wavelength"], assumed, path)
     return from_rows(
         directions,
-        _wavelength(columns["wavelength"], units["wavelength"], assumed, path),
-        columns["brdf"] * factor["brdf"],
-        columns["brdf_stderr"] * factor["brdf_stderr"] if "brdf_stderr" in place else None,
+        wavelength,
+        columns[quantity] * factor[quantity],
+        columns[error] * factor[error] if error in place else None,
         repairs,
         where=str(path),
-        attrs=attrs | ({"units_assumed": "; ".join(assumed)} if assumed else {}),
+        attrs={"source": path.name} | ({"units_assumed": "; ".join(assumed)} if assumed else {}),
     )
 
 
-def _columns(header: list[str], path: Path) -> tuple[dict[str, int], dict[str, str | None]]:
+def _columns(header: list[str], path: Path, quantity: str) -> tuple[dict[str, int], dict[str, str | None]]:
     place: dict[str, int] = {}
     units: dict[str, str | None] = {}
     for k, column in enumerate(header):
@@ -121,7 +147,7 @@ def _columns(header: list[str], path: Path) -> tuple[dict[str, int], dict[str, s
                 f"{path}: the unit {unit!r} of {column!r} is not known; known are {', '.join(allowed)}"
             )
         place[name], units[name] = k, unit
-    missing = [k for k in ("theta_i", "theta_o", "wavelength", "brdf") if k not in place]
+    missing = [k for k in ("theta_i", "theta_o", "wavelength", quantity) if k not in place]
     if missing:
         raise FileFormatError(
             f"{path}: no column {', '.join(missing)} among {', '.join(header)[:200]}; a plain CSV of a BRDF has "
