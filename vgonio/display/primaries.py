@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 # centre and full width at half maximum in nm: chosen so that the chromaticities lie near those of Adobe RGB (1998), as
 # those of the emissive headset of thesis figure 5.4 do
 WIDE_GAMUT = ((617.0, 40.0), (530.5, 48.0), (465.0, 28.0))
-# name: data set of colour-science (Brainard 1997; Fairchild and Wyble 1998)
+# name: data set of colour-science (a CRT after Machado 2010; an LCD of Fairchild and Wyble 1998)
 COLOUR_SCIENCE = {"crt-brainard": "Typical CRT Brainard 1997", "lcd-apple": "Apple Studio Display"}
 NAMES = ("wide-gamut", *COLOUR_SCIENCE)
 
