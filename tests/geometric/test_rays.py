@@ -157,6 +157,17 @@ def test_hemisphere_catches_what_leaves():
     assert np.isclose(caught, data.energy_by_bounce.sum().item(), rtol=1e-9)
 
 
+def test_cones_and_the_hemisphere_see_the_same():
+    """The cap of the hemisphere is a cone of 20° about the normal: the same rays, the same numbers and errors."""
+    solver, surface = RayOptics("Al", [450, 550], rays=20_000, estimator="binning"), rough()
+    cone = Gonioreflectometer([30], [0], aperture_deg=20).measure(surface, solver)
+    cap = Gonioreflectometer.hemisphere([30], resolution_deg=20).measure(surface, solver).sel(cell=0)
+    for name in ("brdf", "brdf_stderr", "brdf_by_bounce"):
+        assert np.allclose(cone[name].isel(theta_o=0), cap[name], rtol=1e-9), name
+    better = Gonioreflectometer([30], [0], aperture_deg=20).measure(surface, RayOptics("Al", [450, 550], rays=20_000))
+    assert np.all(np.abs(better.brdf.isel(theta_o=0) - cap.brdf) < 4 * cap.brdf_stderr)
+
+
 def test_bounces_add_up_and_are_labelled():
     data = Gonioreflectometer([40], ANGLES).measure(rough(slope=1.0), RayOptics("Al", [550], rays=30_000, bounces=3))
     assert np.allclose(data.brdf_by_bounce.sum("bounce"), data.brdf, rtol=1e-12)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -46,6 +48,41 @@ def test_same_facets_as_the_reference_on_random_rays(name, interpolation):
     assert np.mean(expected >= 0) > 0.3
     assert np.mean(tracer(name, m).facet(start, along) != expected) < 1e-3
     assert len(tracer(name, m).facet(start[:0], along[:0])) == 0
+
+
+@pytest.mark.parametrize(("devices", "expected"), [(0, "cpu"), (2, "cuda:0")])
+def test_warp_asks_one_device_for_everything(monkeypatch, devices, expected):
+    """With a stand-in for the library that notes where arrays and kernels go: a CUDA device where there is one."""
+    seen = []
+
+    class Array(np.ndarray):
+        def numpy(self):
+            return np.asarray(self)
+
+    def array(data, dtype=None, device=None):
+        seen.append(device)
+        return np.asarray(data).view(Array)
+
+    def empty(n, dtype=None, device=None):
+        return array(np.full(n, 7, np.int32), device=device)
+
+    stand_in = SimpleNamespace(
+        config=SimpleNamespace(),
+        init=lambda: None,
+        get_cuda_device_count=lambda: devices,
+        array=array,
+        empty=empty,
+        launch=lambda kernel, dim, inputs, device: seen.append(device),
+        Mesh=lambda points, indices: SimpleNamespace(id=1),
+        vec3=None,
+        int32=None,
+    )
+    monkeypatch.setitem(sys.modules, "warp", stand_in)
+    monkeypatch.setitem(sys.modules, "vgonio.geometric.warp_kernel", SimpleNamespace(closest=None))
+    made = TRACERS["warp"](mesh(rough()))
+    assert made.device == expected
+    assert made.facet(np.zeros((3, 3)), np.ones((3, 3))).tolist() == [7, 7, 7]
+    assert seen == [expected] * 6  # points, faces, starts, directions, facets, the kernel itself
 
 
 @pytest.mark.parametrize("name", ["reference", "warp"])
