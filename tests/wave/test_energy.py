@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 import vgonio as vg
 from vgonio.materials import material
@@ -72,6 +73,36 @@ def test_renormalised_when_asked_and_recorded():
     assert np.allclose(scaled.energy_reflected, plain.energy_reflected)  # as found, not as scaled
     assert "renormalised" in scaled.attrs
     assert "renormalised" not in plain.attrs
+
+
+def test_orders_hold_the_energy_and_are_renormalised():
+    surface = vg.surface.sinusoid(period_um=2, amplitude_um=0.1, shape=(4, 200), pitch_um=0.05)
+    options = {"material": "Al", "wavelength_nm": [450, 650], "tol": 1e-5}
+    plain = Kirchhoff(**options).orders(surface, [0, 50])
+    assert "energy_reflected" not in plain
+    told = Kirchhoff(**options, energy=True).orders(surface, [0, 50])
+    assert np.allclose(told.energy_reflected, plain.efficiency.sum("order"))
+    assert np.allclose(told.fresnel_macro, material("Al").reflectance(np.cos(np.deg2rad([0, 50])), [450, 650]))
+    assert np.abs(told.energy_reflected / told.fresnel_macro - 1).max() > 1e-3  # evanescent orders carry nothing
+    scaled = Kirchhoff(**options, renormalise=True).orders(surface, [0, 50])
+    assert np.allclose(scaled.efficiency.sum("order"), told.fresnel_macro)
+    assert np.allclose(scaled.efficiency, plain.efficiency * scaled.renormalisation)
+    assert scaled.efficiency.dims == plain.efficiency.dims
+    assert scaled.renormalisation.attrs["units"] == "1"
+
+
+def test_unshadowed_kirchhoff_returns_too_much_at_grazing():
+    """λ → 0 at 85°, α = 0.294: ⟨max(0, c − s·t)⟩/c over normal slopes t, c Φ(c/s) + s φ(c/s) over c = 1.53; a property
+    of the theory. (Facets whose light would go down are few.)"""
+    surface = gaussian(1.0, 6.8, 120)
+    slope = float(np.sqrt(np.mean(surface.interpolant.grid(surface.y, surface.x, dx=1) ** 2)))
+    c, s = np.cos(np.deg2rad(85)), slope * np.sin(np.deg2rad(85))
+    expected = (c * norm.cdf(c / s) + s * norm.pdf(c / s)) / c
+    assert 1.45 < expected < 1.6
+    data = measured(surface, [85], 6, nm=(400,), energy=True, windows=36)
+    assert data.energy_reflected_stderr.item() < 0.12
+    assert np.abs(pull(data, expected)).max() < 3
+    assert pull(data, 1.0).min() > 3
 
 
 @pytest.mark.parametrize(("theta", "width", "slopes"), [(0.0, 0.02, (0.1, 0.1)), (50.0, 0.01, (0.2, 0.05))])

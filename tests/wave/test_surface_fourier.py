@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import warnings
 
 import numpy as np
@@ -164,6 +167,52 @@ def test_a_precision_that_opencl_does_not_have_is_said():
     surface = rough((16, 16))
     with pytest.warns(VgonioWarning, match="single precision"):
         vg.wave.surface_fourier(surface, [[0.3, 0, 2.0]], np.ones((16, 16)), method="opencl", tol=1e-9)
+
+
+def test_opencl_works_where_nothing_can_be_written_at_home(tmp_path):
+    """PoCL's cache goes to a temporary folder where ~/.cache cannot be made (here: a file is in its place)."""
+    opencl_or_skip("opencl")
+    home = tmp_path / "home"
+    home.write_text("not a folder")
+    code = (
+        "import os; from vgonio.wave import opencl; opencl.device(); print(os.environ['POCL_CACHE_DIR']);"
+        "import numpy as np; from vgonio.wave.quadrature import Points;"
+        "one = np.ones((1, 1)); p = Points(np.zeros(1), np.zeros(1), 0 * one, one);"
+        "assert abs(opencl.transform(p, np.ones((1, 3)))[0] - 1) < 1e-6"
+    )
+    unset = {k: v for k, v in os.environ.items() if k not in ("POCL_CACHE_DIR", "XDG_CACHE_HOME")}
+    run = subprocess.run(
+        [sys.executable, "-c", code], env=unset | {"HOME": str(home)}, capture_output=True, text=True, timeout=120
+    )
+    assert run.returncode == 0, run.stderr
+    assert "vgonio-pocl-" in run.stdout
+
+
+def test_phases_beyond_single_precision_are_refused():
+    opencl_or_skip("opencl")
+    from vgonio.wave import opencl
+
+    points = Points(np.array([0.0, 1e6]), np.zeros(1), np.zeros((1, 2)), np.ones((1, 2)))
+    with pytest.raises(BackendError, match="nufft"):
+        opencl.transform(points, np.array([[100.0, 0, 0]]))
+
+
+def test_opencl_on_grids_of_any_shape(rng):
+    """Rows and columns that fill no work-item, single rows and columns, rows and columns without weight."""
+    opencl_or_skip("opencl")
+    from vgonio.wave import opencl, reference
+
+    q = rng.uniform(-20, 20, (30, 3))
+    for rows, columns in ((1, 1), (1, 700), (700, 1), (65, 63), (3, 257), (300, 64)):
+        weight = rng.random((rows, columns))
+        weight[rows // 2 + 1 :: 2] = 0
+        weight[:, : columns // 3] = 0
+        z = rng.normal(size=weight.shape)
+        points = Points(np.sort(rng.uniform(0, 30, columns)), np.sort(rng.uniform(5, 9, rows)), z, weight)
+        exact = reference.transform(points, q)
+        assert np.abs(opencl.transform(points, q) - exact).max() < 1e-6 * weight.sum()
+    points = Points(np.zeros(2), np.zeros(2), np.zeros((2, 2)), np.zeros((2, 2)))
+    assert np.all(opencl.transform(points, q) == 0)
 
 
 def test_missing_opencl_is_an_explained_absence(monkeypatch):

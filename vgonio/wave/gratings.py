@@ -14,6 +14,7 @@ from ..errors import InputError
 from ..surface.heightfield import Heightfield
 from ..units import nm_to_um, radians, wavenumber
 from .fourier import evaluate
+from .outcome import renormalised
 from .theories import DESCRIPTION, amplitude, scattering_vector
 
 if TYPE_CHECKING:
@@ -78,5 +79,11 @@ def orders(solver: Kirchhoff, surface: Heightfield, theta_i_deg: Any) -> xr.Data
             "versions": versions(),
         },
     )
+    if solver.energy or solver.renormalise:
+        over = ("theta_i", "wavelength")
+        macro = solver.material.reflectance(np.cos(radians(theta)), wavelength)  # type: ignore[union-attr]
+        data["energy_reflected"], data["fresnel_macro"] = (over, efficiency.sum(axis=1)), (over, macro)
+    if solver.renormalise:
+        data = renormalised(data, ("efficiency",))
     data.attrs = {key: plain(value) for key, value in data.attrs.items()}
     return label(data)

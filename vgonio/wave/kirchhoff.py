@@ -94,6 +94,8 @@ class Kirchhoff:
     def orders(self, surface: Heightfield, theta_i_deg: Any) -> xr.Dataset:
         """Diffraction efficiencies of a periodic profile: `efficiency (theta_i, order, wavelength)`.
 
+        With energy or renormalise also their sum, `energy_reflected`, beside `fresnel_macro`, the reflectance of a flat
+        surface; renormalise scales the efficiencies to it, the factor in `renormalisation`.
         Raises InputError for options that orders do not have: shadowing, Fresnel at the local facet, polarisation.
         """
         if self.shadowing or self.polarised or self.fresnel != "half":

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,21 +17,23 @@ from ..errors import BackendError
 from .pocl_cpu import SYMPTOM, name_processor
 from .quadrature import Complex, Floats, Points
 
-BLOCK = 4096  # points of one work-item
+COLUMNS = (64, 256)  # points of one row of a work-item, a kernel for each
+TERMS = 16384  # points of one work-item, all its rows
 TARGETS = 4096  # directions of one launch
 BYTES = 4e8  # of points and partial sums held on the device at a time
 PRECISION = 1e-5  # what single precision with exact phases keeps
+MOST_TURNS = 2.0**22  # beyond that whole turns are not told from their fractions
 
 
 @dataclass(frozen=True, eq=False)
 class Device:
-    """A compiled kernel on one device."""
+    """The compiled kernels on one device, by the points of one row of a work-item."""
 
     name: str
     platform: str
     context: Any
     queue: Any
-    kernel: Any
+    kernels: dict[int, Any]
 
 
 def _rank(device) -> tuple:
@@ -48,6 +52,7 @@ def device(name: str = "") -> Device:
     Raises BackendError with the reason where there is no OpenCL, no such device, or the kernel does not build.
     """
     name = name or os.environ.get("VGONIO_OPENCL_DEVICE", "")
+    _writable_cache()
     try:
         import pyopencl as cl
 
@@ -61,6 +66,17 @@ def device(name: str = "") -> Device:
     return _build(max(fit, key=_rank))
 
 
+def _writable_cache() -> None:
+    """PoCL and pyopencl keep kernels under ~/.cache and fail, far from the cause, where they cannot write there."""
+    if os.environ.get("POCL_CACHE_DIR"):
+        return
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    there = next((p for p in (home / "pocl", *(home / "pocl").parents) if p.exists()), Path("/"))
+    if not (there.is_dir() and os.access(there, os.W_OK)):
+        os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
+        os.environ["POCL_CACHE_DIR"] = tempfile.mkdtemp(prefix="vgonio-pocl-")
+
+
 def _build(best: Any, again: bool = True) -> Device:
     import pyopencl as cl
 
@@ -68,9 +84,9 @@ def _build(best: Any, again: bool = True) -> Device:
     source = files("vgonio.wave").joinpath("kernels/direct_sum.cl").read_text()
     try:
         context = cl.Context([best])
-        program = cl.Program(context, source).build(options=[f"-DWIDTH={width}", f"-DBLOCK={BLOCK}"])
-        queue, kernel = cl.CommandQueue(context), cl.Kernel(program, "direct_sum")
-        return Device(best.name.strip(), best.platform.version, context, queue, kernel)
+        built = [cl.Program(context, source).build(options=[f"-DWIDTH={width}", f"-DCOLUMNS={n}"]) for n in COLUMNS]
+        kernels = {n: cl.Kernel(program, "direct_sum") for n, program in zip(COLUMNS, built)}
+        return Device(best.name.strip(), best.platform.version, context, cl.CommandQueue(context), kernels)
     except Exception as e:
         if again and SYMPTOM in str(e) and name_processor(best):
             return _build(best, again=False)
@@ -85,38 +101,59 @@ def split(a: Floats) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 
 
 def transform(points: Points, q: Floats, tol: float = PRECISION, on: Device | None = None) -> Complex:
-    """(m,) sums of `points` at q (m, 3). Phases keep their fraction of a cycle up to 10⁵ rad; precision about 1e-5."""
+    """(m,) sums of `points` at q (m, 3). Phases keep their fraction of a cycle up to 10⁵ rad; precision about 1e-5.
+
+    Raises BackendError for phases beyond MOST_TURNS cycles.
+    """
     d = on or device()
+    rows, columns = points.weight.any(axis=1), points.weight.any(axis=0)
+    s = np.zeros(len(q), np.complex128)
+    if not (rows.any() and len(q)):
+        return s
+    x, y = points.x[columns], points.y[rows]
+    z, weight = (a[np.ix_(rows, columns)] for a in (points.z, points.weight))
+    # phases count from the middle of the patch; what that turns them by comes back in double precision
+    middle = np.array([a.min() / 2 + a.max() / 2 for a in (x, y, z)])
+    x, y, z = x - middle[0], y - middle[1], z - middle[2]
+    turns = q / (2 * np.pi)
+    most = float(np.max(np.abs(turns) @ np.array([np.abs(a).max() for a in (x, y, z)])))
+    if most > MOST_TURNS:
+        raise BackendError(f"phases of {most:.2g} cycles are too much for the OpenCL sum: use method = 'nufft'")
+    at_once = max(1, int(BYTES / 12 / (len(x) + COLUMNS[-1])))
+    for first in range(0, len(y), at_once):
+        part = slice(first, first + at_once)
+        s += _strip(d, x, y[part], z[part], weight[part], turns)
+    return s * np.exp(-1j * (q @ middle)) * points.factor(q)
+
+
+def _strip(d: Device, x: Floats, y: Floats, z: Floats, weight: Floats, turns: Floats) -> Complex:
+    """The sum over a grid that fits the device, without the factor for its middle."""
     import pyopencl as cl
 
-    used = np.flatnonzero(points.weight.ravel())
-    x, y = (a.ravel()[used] for a in np.broadcast_arrays(points.x[None, :], points.y[:, None]))
-    z, weight = points.z.ravel()[used], points.weight.ravel()[used]
-    # phases count from the middle of the patch; what that turns them by comes back in double precision
-    middle = np.array([a.mean() if len(a) else 0.0 for a in (x, y, z)])
-    turns = q / (2 * np.pi)
-    s = np.zeros(len(q), np.complex128)
+    n = min(COLUMNS, key=lambda c: (-(-len(x) // c) * c, -c))  # least padding, and of equals the longer
+    strips, pad = -(-len(x) // n), -len(x) % n
+    rows = max(1, TERMS // n)
+    groups = -(-len(y) // rows)
+    single = np.pad(weight.astype(np.float32), ((0, 0), (0, pad)))
     read = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-    for start in range(0, len(used), int(BYTES / 28) // BLOCK * BLOCK):
-        part = slice(start, start + int(BYTES / 28) // BLOCK * BLOCK)
-        count = len(used[part])
-        padded = -(-count // BLOCK) * BLOCK
-        arrays: list[NDArray[np.float32]] = []
-        for a, m in zip((x, y, z), middle):
-            arrays += [np.pad(v, (0, padded - count)) for v in split(a[part] - m)]
-        arrays.append(np.pad(weight[part].astype(np.float32), (0, padded - count)))
-        buffers = [cl.Buffer(d.context, read, hostbuf=np.ascontiguousarray(a)) for a in arrays]
-        blocks = padded // BLOCK
-        step = max(1, min(TARGETS, int(BYTES / 16 / blocks)))
-        for t in range(0, len(q), step):
-            high, low = split(turns[t : t + step])
-            n = len(high)
-            packed = np.ascontiguousarray(np.concatenate([high, low], axis=1))
-            partial = np.empty((blocks, n, 2))
-            out = cl.Buffer(d.context, cl.mem_flags.WRITE_ONLY, partial.nbytes)
-            packed_buffer = cl.Buffer(d.context, read, hostbuf=packed)
-            d.kernel(d.queue, (n, blocks), None, np.int32(n), np.int32(blocks), packed_buffer, *buffers, out)
-            cl.enqueue_copy(d.queue, partial, out)
-            total = partial.sum(axis=0)
-            s[t : t + step] += total[:, 0] + 1j * total[:, 1]
-    return s * np.exp(-1j * (q @ middle)) * points.factor(q)
+
+    def send(a: NDArray) -> Any:
+        return cl.Buffer(d.context, read, hostbuf=np.ascontiguousarray(a))
+
+    arrays = (np.pad(x, (0, pad)), y, np.pad(z, ((0, 0), (0, pad))))
+    buffers = [send(half) for a in arrays for half in split(a)] + [send(single)]
+    whole = float(single.sum(dtype=np.float64))
+    sizes = [np.int32(v) for v in (len(y), strips, strips * n, rows)]
+    step = max(1, min(TARGETS, int(BYTES / 16 / (groups * strips))))
+    s = np.zeros(len(turns), np.complex128)
+    for t in range(0, len(turns), step):
+        packed = np.concatenate(split(turns[t : t + step]), axis=1)
+        partial = np.empty((groups * strips, len(packed), 2))
+        out = cl.Buffer(d.context, cl.mem_flags.WRITE_ONLY, partial.nbytes)
+        work = (len(packed), groups * strips)
+        d.kernels[n](d.queue, work, None, np.int32(len(packed)), *sizes, send(packed), *buffers, out)
+        cl.enqueue_copy(d.queue, partial, out)
+        total = partial.sum(axis=0)
+        # the kernel gives Σ w sin² of half the angle: Σ w cos is the sum of the weights less twice that
+        s[t : t + step] = whole - 2 * total[:, 0] + 1j * total[:, 1]
+    return s
