@@ -92,24 +92,21 @@ def test_order_of_convergence():
 
 @pytest.fixture(scope="module")
 def fine():
-    """Efficiencies of TE and TM on panels of 14 nodes, shrinking three times more: two surfaces at 20°."""
-    found = []
-    for surface in (lamellar(0.2, 2.0, samples=200), sinusoid(0.2)):
-        curve = profile.one_period(surface, 0.55, profile.Resolution(0.3, 1e-9, 14, 3))
-        grating = periodic.Grating.of(curve, 2.0, 0.55, FullWave("Al").index(WAVELENGTH), ("TE", "TM"))
-        found.append((surface, dict(zip(("TE", "TM"), grating.diffract(np.deg2rad(20.0), ("TE", "TM"))))))
-    return found
+    """TM efficiencies of walls at 20° on panels of 13 nodes, shrinking more often: converged to 1e-7."""
+    surface = lamellar(0.2, 1.2, samples=120)
+    curve = profile.one_period(surface, 0.55, profile.Resolution(0.3, 1e-9, 13, 2))
+    grating = periodic.Grating.of(curve, 1.2, 0.55, FullWave("Al").index(WAVELENGTH), ("TM",))
+    return surface, grating.diffract(np.deg2rad(20.0), ("TM",))[0]
 
 
 @pytest.mark.parametrize("tol", [1e-2, 1e-3, 1e-4, 1e-5])
 def test_tolerance_is_met(tol, fine):
-    """Error against a far finer solution, relative to the largest efficiency, on walls and on a smooth profile."""
-    for surface, exact in fine:
-        found = FullWave("Al", [WAVELENGTH], tol=tol).orders(surface, [20.0])
-        assert found.attrs["error_achieved"] <= tol
-        for p, one in exact.items():
-            efficiency = found.efficiency.sel(polarisation=p, order=one.order).values.ravel()
-            assert np.abs(efficiency - one.efficiency).max() < tol * one.efficiency.max()
+    """Error against a far finer solution, relative to the largest efficiency: corners of a metal in TM."""
+    surface, exact = fine
+    found = FullWave("Al", [WAVELENGTH], polarisation="TM", tol=tol).orders(surface, [20.0])
+    assert found.attrs["error_achieved"] <= tol
+    efficiency = found.efficiency.sel(order=exact.order).values.ravel()
+    assert np.abs(efficiency - exact.efficiency).max() < tol * exact.efficiency.max()
 
 
 def test_symmetry_and_signs():

@@ -1,0 +1,56 @@
+"""`theory = "full-wave"` in a scene: plan, simulation, refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import vgonio as vg
+from vgonio.errors import InputError
+
+SCENE = {
+    "surface": {
+        "generate": {"kind": "sinusoid", "period_um": 2, "amplitude_um": 0.05, "shape": [2, 200], "pitch_um": 0.05}
+    },
+    "material": {"name": "Al"},
+    "light": {"wavelength_nm": [450, 650], "theta_i_deg": [0, 30], "coherence_um": 15},
+    "detector": {"theta_o_deg": {"start": -80, "stop": 80, "step": 5}},
+    "wave": {"theory": ["full-wave", "kirchhoff"]},
+}
+
+
+def test_plan_and_simulation():
+    plan = vg.plan(SCENE)
+    assert plan.needs("full wave")
+    assert plan.needs("transform")
+    stage = next(s for s in plan.stages if s.name == "full wave")
+    assert "unknowns" in stage.cost
+    assert "one-dimensional" in stage.why
+    tree = vg.simulate(SCENE)
+    rigorous, scalar = tree["waves"], tree["waves_kirchhoff"]
+    assert rigorous.attrs["theory"] == "full-wave"
+    assert scalar.attrs["theory"] == "kirchhoff"
+    a, b = rigorous["brdf"].values, scalar["brdf"].values
+    assert np.abs(a - b).max() < 0.1 * b.max()  # a shallow grating: 2.6 % is what the table of gratings expects
+
+
+def test_a_surface_in_three_dimensions_is_refused_by_the_plan():
+    scene = SCENE | {
+        "surface": {
+            "generate": {"kind": "gaussian", "rms_um": 0.1, "correlation_um": 1.0, "shape": [64, 64], "pitch_um": 0.1}
+        }
+    }
+    with pytest.raises(InputError, match="one-dimensional profiles"):
+        vg.plan(scene)
+
+
+def test_options_of_the_scalar_theories_are_refused():
+    with pytest.raises(InputError, match="full-wave holds shadows"):
+        vg.plan(SCENE | {"wave": {"theory": "full-wave", "shadowing": True}})
+
+
+def test_a_system_that_is_too_large_is_in_the_plan():
+    long = {"kind": "sinusoid", "period_um": 2000, "amplitude_um": 0.1, "shape": [1, 4000], "pitch_um": 0.5}
+    plan = vg.plan(SCENE | {"surface": {"generate": long}, "wave": {"theory": "full-wave"}})
+    assert not plan.needs("full wave")
+    assert "TOO LARGE" in next(s for s in plan.stages if s.name == "full wave").why
