@@ -119,3 +119,20 @@ def test_deviations_of_a_real_display_are_refused(tmp_path, capsys):
     path = vd.write(tmp_path / "r.csv", [vd.virtual_display().measure(vd.ramp_colours(10))])
     assert main(["display", "characterise", str(path), "--set", "drift=1"]) == 2
     assert "as they were measured" in capsys.readouterr().err
+
+
+def test_what_was_not_tested_is_null_in_json(tmp_path, capsys):
+    """Test colours without single channels: independence and additivity have nothing to compare with."""
+    display = vd.virtual_display()
+    path = vd.write(tmp_path / "r.csv", [display.measure(vd.ramp_colours(10))])
+    mixed = vd.grid_colours(85)
+    mixed = mixed[np.all(mixed > 0, axis=1)]
+    tests = vd.write(tmp_path / "t.csv", [display.measure(mixed)])
+    page = tmp_path / "p.html"
+    assert (
+        main(["display", "verify", str(path), "--tests", str(tests), "--json", "--quiet", "--report", str(page)]) == 0
+    )
+    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)[0]["assumptions"]
+    assert found["independence"] is found["additivity"] is found["tone"] is None
+    assert found["constancy"] < 0.01
+    assert "not tested" in page.read_text(encoding="utf-8")

@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..compare import colour as compared
 from ..compare.colour import OBSERVER, _colour, lab
 from ..errors import InputError, nearest
 
@@ -91,8 +92,7 @@ def lab_relative(xyz: ArrayLike, white: ArrayLike) -> Floats:
 
 def delta_e(xyz: ArrayLike, reference: ArrayLike, white: ArrayLike) -> Floats:
     """ΔE₀₀ (…) between XYZ (…, 3) and reference (…, 3), both relative to a white (3,) (Sharma 2005)."""
-    pair = lab_relative(reference, white), lab_relative(xyz, white)
-    return np.asarray(_colour().delta_E(*pair, method="CIE 2000"))
+    return compared.delta_e(lab_relative(reference, white), lab_relative(xyz, white))
 
 
 def encoding(name: str) -> tuple[Floats, Floats]:

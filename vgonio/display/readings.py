@@ -29,7 +29,7 @@ class Readings:
         for name in ("rgb", "spectra", "wavelength_nm"):
             object.__setattr__(self, name, np.array(getattr(self, name), dtype=np.float64))
         n = len(self.rgb)
-        if self.rgb.shape != (n, 3) or self.spectra.shape != (n, self.wavelength_nm.size) or n == 0:
+        if self.rgb.shape != (n, 3) or self.spectra.shape != (n, self.wavelength_nm.size):
             raise InputError(
                 f"readings with rgb {self.rgb.shape}, spectra {self.spectra.shape} and {self.wavelength_nm.size} "
                 "wavelengths: (n, 3), (n, number of wavelengths) are needed"

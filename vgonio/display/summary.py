@@ -77,6 +77,8 @@ def summary(model: DisplayModel, check: ModelCheck | None = None) -> dict[str, A
     }
     if check is not None:
         found["delta_e"] = {"colours": len(check.delta_e), **check.statistics()}
-        found["assumptions"] = check.assumptions.costs()
+        # null in JSON where a part was not tested
+        costs = check.assumptions.costs()
+        found["assumptions"] = {name: cost if np.isfinite(cost) else None for name, cost in costs.items()}
         found["failing"] = check.assumptions.failing()
     return found
