@@ -34,3 +34,24 @@ def test_rays(capsys):
     out = capsys.readouterr().out
     for words in ("processors, load", "intersection stage / bare embreex", "fewer rays by", "triangles", "reference"):
         assert words in out
+
+
+def test_multiple_scattering(capsys, monkeypatch, tmp_path):
+    """Errors of the quick version's four profiles; iterated is well below single, and the figure is drawn."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    found = load("multiple_scattering").main(["--quick", "--figure", str(tmp_path / "figure.png")])
+    steep = [r for r in found["rows"] if r["theta_i"] <= 20]
+    assert len(steep) == 4
+    for row in steep:
+        assert row["balance"] < 0.05
+        assert row["iterated 3"] < 0.6 * row["single"]
+        assert abs(row["power iterated 3"] - 1) < 0.1
+    assert (tmp_path / "figure.png").stat().st_size > 20_000
+    assert "time grows as length^" in capsys.readouterr().out
+
+
+def test_fits(capsys):
+    found = load("fits").main(["--quick"])
+    for name, row in found["cases"].items():
+        assert row["chi2_per_dof"] < 5, name
+    assert {name for name, _ in found["timings"]} >= {"local shift fits, p fitted", "model 4.8 (alpha, h, w)"}

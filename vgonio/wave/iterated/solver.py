@@ -171,7 +171,8 @@ class IteratedKirchhoff:
             light = incoming if fineness == per else replace(incoming, theta_deg=incoming.theta_deg[:1])
             return patch_orders(
                 surface, window, light, detector, self.material, wavelength,  # type: ignore[arg-type]
-                wavelength * 1e-3 / fineness, self.bounces, self.tol, self.seed, report, energies=self.energy and fineness == per,
+                wavelength * 1e-3 / fineness, self.bounces, self.tol, self.seed, report,
+                energies=self.energy and fineness == per,
             )[0]  # fmt: skip
 
         return self._all(one, places, per)

@@ -206,7 +206,8 @@ __kernel void horizons(
     const float c = azimuth[2 * n], s = azimuth[2 * n + 1];
     const float own = z[(iy + margin) * wide + ix + margin];
     float top = LOWEST;
-    for (int i = 1; i <= steps; ++i) {
+    // beyond 32 cells a step is 1/32 of the distance: crests thinner than that, seen from there, are skipped
+    for (float i = 1.0f; i <= steps; i += fmax(1.0f, 0.03125f * i)) {
         const float x = ix + margin + i * c, y = iy + margin + i * s;
         const int jx = (int)floor(x), jy = (int)floor(y);
         if (jx < 0 || jy < 0 || jx > wide - 2 || jy > high - 2)
