@@ -115,7 +115,8 @@ def test_corners_of_finite_profiles():
     for row in (steps, kinks):
         data = gonio.measure(row, FullWave("perfect", [550.0], windows=1))
         sound(data)
-        assert np.abs(data.energy_balance.values - 1).max() < 0.05  # a window of λ/2: light leaves past the ends
+        # a window of λ/2 on four ridges: up to an eighth of the light runs along them and leaves past the ends
+        assert np.all((data.energy_balance.values > 0.85) & (data.energy_balance.values < 1.001))
 
 
 def test_where_a_second_solution_is_too_dear_a_coarser_one_gives_the_error(monkeypatch):
