@@ -241,6 +241,14 @@ def test_normal_incidence_alone_keeps_its_sides(tmp_path):
     assert float(data.phi_i) == 0
 
 
+def test_a_text_of_no_known_content_goes_to_the_text_format(tmp_path):
+    with pytest.raises(FileFormatError, match="no Zemax BSDF"):
+        readers.read(written(tmp_path / "a.bsdf", "hello\n"))
+    (tmp_path / "b.bsdf").write_bytes(b"hello\0\1")
+    with pytest.raises(FileFormatError, match="no tensor file"):
+        readers.read(tmp_path / "b.bsdf")
+
+
 def test_options_of_other_formats(tmp_path):
     with pytest.raises(InputError, match="reading csv knows no option 'wavelength_nm'"):
         readers.read(csv(tmp_path, rows()), wavelength_nm=550)

@@ -6,7 +6,9 @@ import json
 
 import numpy as np
 import pytest
+import xarray as xr
 
+import vgonio as vg
 from vgonio import scene
 from vgonio.assembly import measured
 from vgonio.cli import main
@@ -71,6 +73,19 @@ def test_bad_requests_are_one_line(tmp_path, plane, monkeypatch, capsys, argumen
     assert message in error
     assert error.count("\n") == 1
     assert sorted(tmp_path.iterdir()) == before
+
+
+def test_one_group_of_a_result(tmp_path, plane, capsys):
+    """FILE:GROUP where a result holds several BRDFs; without it the error says so."""
+    data = readers.read(plane)
+    result = tmp_path / "result.nc"
+    vg.save(xr.DataTree.from_dict({"rays": data, "waves": data.map(lambda v: v * 2)}), result)
+    assert main(["measured", "convert", f"{result}:waves", str(tmp_path / "w.csv"), "--set", "digits=12"]) == 0
+    np.testing.assert_allclose(readers.read(tmp_path / "w.csv").brdf, 2 * data.brdf, rtol=1e-10)
+    assert main(["measured", "info", str(result)]) == 2
+    assert "FILE:GROUP" in capsys.readouterr().err
+    assert main(["measured", "info", f"{result}:wave"]) == 2
+    assert "did you mean 'waves'" in capsys.readouterr().err
 
 
 def test_cross_validate(tmp_path, plane, capsys):

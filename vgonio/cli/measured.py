@@ -15,7 +15,9 @@ app = typer.Typer(
     "Example: vgonio measured info sample.json",
     rich_markup_mode=None,
 )
-File = Annotated[Path, typer.Argument(metavar="FILE", help="BRDF of any known format.", show_default=False)]
+File = Annotated[
+    Path, typer.Argument(metavar="FILE", help="BRDF of any known format; FILE:GROUP of a result.", show_default=False)
+]
 Format = Annotated[str | None, typer.Option("--format", help="Of FILE, where its content does not say it.")]
 Options = Annotated[
     list[str] | None,
@@ -35,6 +37,22 @@ def _options(texts: list[str] | None) -> dict[str, Any]:
     return given
 
 
+def _grouped(file: Path) -> Path | None:
+    """The file of FILE:GROUP, None for the plain name of a file."""
+    name, colon, _ = str(file).rpartition(":")
+    return Path(name) if colon and not file.exists() and Path(name).is_file() else None
+
+
+def _read(file: Path, format: str | None = None, given: dict[str, Any] | None = None) -> Any:
+    """A BRDF of any format, or one group of a result."""
+    from ..measure import readers
+    from .results import load_one
+
+    if _grouped(file) is not None:
+        return load_one(file, lambda _: True, "values")
+    return readers.read(file, format, **(given or {}))
+
+
 @app.command()
 def info(
     file: File,
@@ -52,7 +70,7 @@ def info(
     """
     from ..measure import readers
 
-    data = readers.read(file, format, **_options(options))
+    data = _read(file, format, _options(options))
     facts = readers.facts(data)
     if as_json:
         print_json({"file": str(file), **facts})
@@ -90,8 +108,8 @@ def convert(
     if output.exists() and output.resolve() == file.resolve():
         raise InputError(f"{output} would overwrite the file that is read")
     given = _options(options) | ({} if fill is None else {"fill": fill})
-    reading, writing = readers.divided(given, file, format, output, to)
-    data = readers.read(file, format, **reading)
+    reading, writing = readers.divided(given, _grouped(file) or file, format, output, to)
+    data = _read(file, format, reading)
     say(f"{readers.write(data, output, to, **writing)}: {readers.facts(data)['directions']}")
 
 
@@ -128,7 +146,7 @@ def calibrate(
         raise InputError(f"--standard-nm {standard_nm}: a wavelength in nm or all") from None
     factor = measure.calibration_factor(
         read_counts(white),
-        measure.read(standard),
+        _read(standard),
         theta_i_deg=theta_i,
         standard_nm=nm,
         standard_relative=standard_error,
@@ -160,7 +178,7 @@ def cross_validate(
     """
     from .. import measure
 
-    data = {(f.name if [g.name for g in files].count(f.name) == 1 else str(f)): measure.read(f) for f in files}
+    data = {(f.name if [g.name for g in files].count(f.name) == 1 else str(f)): _read(f) for f in files}
     rows = measure.cross_validate(data, reference=reference, wavelength_nm=wavelength_nm)
     if as_json:
         print_json(rows)

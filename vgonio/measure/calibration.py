@@ -37,7 +37,7 @@ class Spectrometer:
     """Noise of the counts: σ² = (full_scale/dynamic_range)² + V · full_scale/snr², over `averages` scans.
 
     The first term is that of the read-out, the second of photons; `snr` is reached at full scale. The defaults are the
-    QE Pro's of the thesis (2.2.1): 1000:1 and 85,000:1.
+    QE Pro's of the thesis (2.2.1), 1000:1 and 85,000:1, with the scale of its 18 bits.
     Raises InputError for numbers that are not positive.
     """
 

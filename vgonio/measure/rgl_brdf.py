@@ -147,7 +147,8 @@ def evaluator(fields: dict[str, NDArray[Any]], wavelength: Floats, spectra: NDAr
         if jacobian:
             u_i = (phi_i + np.pi) / (2 * np.pi)
             found *= (bilinear(ndf, x, y) / (4 * bilinear(sigma, theta_to_unit(theta_i), u_i)))[:, None]
-        return found / wo[:, 2:]
+        # nodes below the horizon may continue f cos θ_o through zero, as ours do
+        return np.maximum(found, 0.0) / wo[:, 2:]
 
     return IsotropicBrdf(wavelength, values, "as Mitsuba's `measured` interpolates")
 

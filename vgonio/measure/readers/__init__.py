@@ -66,6 +66,7 @@ FORMATS = {
     "astm": Format((".astm",), "ASTM E1392 and E2387 text", astm.sniff, astm.read, _astm.write),
     "zemax": Format((".bsdf",), "Zemax tabular BSDF, one wavelength", zemax.sniff, zemax.read, _zemax.write),
 }
+BINARY = ("netcdf", "merl", "rgl")
 
 
 def read(
@@ -168,6 +169,8 @@ def _recognise(path: Path) -> str:
         raise FileFormatError(f"{path} is empty")
     by_suffix = [name for name, entry in FORMATS.items() if path.suffix.lower() in entry.suffixes]
     by_content = [name for name, entry in FORMATS.items() if entry.sniff(head)]
+    if b"\0" not in head:  # of formats that share a suffix the one that is text
+        by_suffix.sort(key=lambda name: name in BINARY)
     # a known suffix whose content says otherwise goes to its own reader, whose message is the better one
     for name in by_content + by_suffix:
         return name

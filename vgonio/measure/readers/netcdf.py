@@ -24,5 +24,9 @@ def read(path: Path, repairs: Repairs) -> xr.Dataset:
     groups = [name for name, node in tree.children.items() if "brdf" in node.to_dataset()]
     if "measured" in groups or len(groups) == 1:
         return check(tree["measured" if "measured" in groups else groups[0]].to_dataset(), str(path))
-    found = f"several BRDFs ({', '.join(groups)}): open it with vgonio.open and choose one" if groups else "no BRDF"
+    found = (
+        f"several BRDFs ({', '.join(groups)}): name one as FILE:GROUP, or open it with vgonio.open"
+        if groups
+        else "no BRDF"
+    )
     raise FileFormatError(f"{path} holds {found}")
