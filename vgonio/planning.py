@@ -255,7 +255,7 @@ def _verdict_stages(scene: Scene) -> list[Stage]:
     results = result_groups(scene)
     file = scene.measured.file if scene.measured is not None else ""
     measured = Stage(
-        "measured", bool(file), Path(file).name if file else "the scene has no [measured]", "json" if file else ""
+        "measured", bool(file), Path(file).name if file else "the scene has no [measured]", "numpy" if file else ""
     )
     if not results:
         return [measured, *_left_out(("shift", "compare", "colour"), "no result to judge")]

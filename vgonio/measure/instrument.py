@@ -31,8 +31,9 @@ FWHM = 2 * np.sqrt(2 * np.log(2))
 class Instrument:
     """What blurs and disturbs a measurement; 0 switches an effect off.
 
-    Spot, noise, repeatability and the step of the spectrometer are the thesis' (2.2.1); it does not state cones, beam and
-    sample, whose defaults are guesses.
+    Spot, noise, repeatability and the step of the spectrometer are the thesis' (2.2.1); it does not state cones, beam
+    and sample, whose defaults are guesses.
+
     aperture_deg, divergence_deg : full angles of the cones of detector and source;  bandwidth_nm : full width at half
     maximum of the spectrometer's Gaussian line;  tilt : out of the plane
     spot_mm : diameter of what the detector sees at θ_o = 0;  beam_mm : diameter of the collimated beam;  sample_mm :
