@@ -160,6 +160,40 @@ def test_tolerance_is_met_and_not_by_far(tol):
     assert np.sqrt((errors**2).mean(axis=0)).max() < 1.5 * tol
 
 
+def test_starters_are_found_when_it_turns_out_that_they_pay(monkeypatch):
+    """A small first look, then more rays than facets: all begins anew, and nothing of the starters is left out."""
+    import vgonio.geometric.starters as starters
+
+    calls = []
+    find = starters.Starters.of
+    monkeypatch.setattr(starters.Starters, "of", lambda *a: calls.append(1) or find(*a))
+    monkeypatch.setattr("vgonio.geometric.sampling.BATCH", 4096)
+    gonio = Gonioreflectometer([60], OUT, aperture_deg=6)
+    surface = rough(0.6)
+    long = gonio.measure(surface, RayOptics("Al", [550], rays=1_000_000, estimator="binning"))
+    calls.clear()
+    data = gonio.measure(surface, RayOptics("Al", [550], rays=1_000_000, tol=0.03))
+    assert len(calls) == 1
+    assert 0.01 < data.attrs["error_achieved"] <= 0.03
+    for bounce in (2, 3):
+        a, b = (d.sel(bounce=bounce) for d in (long, data))
+        error = np.hypot(a.brdf_by_bounce_stderr, b.brdf_by_bounce_stderr)
+        assert np.all(np.abs(a.brdf_by_bounce - b.brdf_by_bounce) < 4.5 * error + 0.003 * float(long.brdf.max()))
+    assert float(data.brdf_by_bounce.sel(bounce=2).sum()) == pytest.approx(
+        float(long.brdf_by_bounce.sel(bounce=2).sum()), rel=0.05
+    )
+
+
+@pytest.mark.parametrize("rays", [1, 2, 3, 10])
+def test_few_rays_are_unbiased_too(rays):
+    """The mean over many seeds, however few rays there are: double reflections of a retroreflecting groove."""
+    gonio = Gonioreflectometer([20], [20], aperture_deg=10)
+    solid = gonio.detector.projected_solid_angle[0]
+    runs = [gonio.measure(v_groove(), RayOptics("perfect", rays=rays, seed=s)).brdf.item() * solid for s in range(150)]
+    expected = 1 - np.tan(np.deg2rad(20))
+    assert abs(np.mean(runs) - expected) < 4.5 * np.std(runs) / np.sqrt(150) + 1e-9
+
+
 @pytest.mark.parametrize("estimator", ["binning", "facets"])
 def test_work_follows_the_tolerance(estimator):
     """Work as 1/tol²: the error achieved lies between tol/√2.2 and tol, so that at most 2.2 times the work is done."""

@@ -176,7 +176,9 @@ class _Parallel(_Divergent):
         super().more(rays, 0)
         if self.facets is not None and points:
             self.facets.sample(points, self.rng, self.pool)
-        if self.starters is not None and points:
+        if self.starters is not None and (points or self.starters.points == 0):
+            # what rays that meet starters would have caught has to come from here: a first look at the least
+            points = points or min(rays, BATCH)
             most, at_once = self.settings.max_bounces, self.settings.at_once
             self.starters.sample(points, most, at_once, self.sort, self.rng, self.pool)
 

@@ -60,12 +60,13 @@ class Starters:
         return Starters(beam, facet, beam.footprint(facet), apart, empty)
 
     def sample(self, points: int, max_bounces: int, at_once: int, sort: Sort, rng: np.random.Generator, pool: Executor):
-        """Follow about `points` more points, in pairs on one facet; every starter gets a pair where there are enough.
+        """Follow about `points` more points, two at least, in pairs on one facet.
 
-        Otherwise starters are drawn with probability ∝ share (Horvitz and Thompson 1952).
+        Every starter gets a pair where there are enough; otherwise starters are drawn with probability ∝ share (Horvitz and Thompson 1952).
         """
-        if len(self.facet) == 0 or points < 2:
+        if len(self.facet) == 0:
             return
+        points = max(points, 2)
         pairs = self.share / self.share.sum() * points / 2
         drawn = np.diff(np.floor(np.concatenate([[0.0], np.cumsum(pairs)]) + rng.random())).astype(np.int64)
         each = points >= 4 * len(self.facet)
