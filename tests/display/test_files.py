@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
 from vgonio import display as vd
-from vgonio.errors import FileFormatError, InputError
+from vgonio.errors import FileFormatError, InputError, VgonioWarning
 
 
 @pytest.fixture(scope="module")
@@ -181,3 +183,12 @@ def test_patches_and_primaries_from_files(tmp_path):
 def test_argylls_rgb_is_percent_whatever_the_largest_value(tmp_path, readings):
     dim = readings.where(np.flatnonzero(readings.rgb.max(axis=1) < 0.6))
     np.testing.assert_allclose(vd.read(ti3(tmp_path, dim, normalised=False))[0].rgb, dim.rgb, atol=1e-9)
+
+
+def test_a_luminance_that_does_not_fit_the_spectra_is_noticed(tmp_path, readings):
+    path = ti3(tmp_path, readings, normalised=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        vd.read(path)
+    with pytest.warns(VgonioWarning, match=r"gives 1.3e\+05 cd/m², the file states 130"):
+        vd.read(path, unit="W/(sr m2 nm)")

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FileFormatError, InputError
+from ..errors import FileFormatError, InputError, VgonioWarning
 from ..files import written_whole
 from .csv_files import scaled, unit_factor
 from .readings import Readings
@@ -52,7 +53,24 @@ def read_cgats(path: Path, full_scale: float | None = None, unit: str | None = N
     values = _values(path, rows, [*(names.index(c) for c in RGB), *(bands[w] for w in sorted(bands))])
     given = full_scale if full_scale is not None else (100.0 if argyll else _keyword(head, "RGB_FULL_SCALE"))
     spectra = values[:, 3:] * _factor(head, argyll, unit)
-    return [Readings(scaled(values[:, :3], given, str(path)), spectra, nm, head.get("EYE", ""))]
+    found = Readings(scaled(values[:, :3], given, str(path)), spectra, nm, head.get("EYE", ""))
+    _compare_luminance(path, found, head)
+    return [found]
+
+
+def _compare_luminance(path: Path, found: Readings, head: dict[str, str]) -> None:
+    """Warn where the spectra of white do not give the luminance that the file states: then the unit is another."""
+    white, stated = found.index(np.ones(3))[0], _luminance(head)
+    if white < 0 or not stated:
+        return
+    got = float(found.xyz[white, 1])
+    if not 0.8 < got / stated < 1.25:
+        warnings.warn(
+            f"{path}: the spectrum of white gives {got:.3g} cd/m², the file states {stated:.3g}: is the unit of the "
+            "spectra right?",
+            VgonioWarning,
+            stacklevel=3,
+        )
 
 
 def _exact(head: dict[str, str], nm: Floats) -> Floats:
@@ -104,10 +122,15 @@ def _keyword(head: dict[str, str], name: str) -> float | None:
 def _factor(head: dict[str, str], argyll: bool, unit: str | None) -> float:
     """What brings the numbers of the file to W/(sr m² nm)."""
     factor = unit_factor(unit or head.get("SPECTRAL_UNIT") or ("mW/(sr m2 nm)" if argyll else "W/(sr m2 nm)"))
-    luminance = re.findall(r"[-+.\deE]+", head.get("LUMINANCE_XYZ_CDM2", ""))
-    if head.get("NORMALIZED_TO_Y_100", "").upper() == "YES" and len(luminance) == 3:
-        factor *= float(luminance[1]) / 100
+    if head.get("NORMALIZED_TO_Y_100", "").upper() == "YES":
+        factor *= (_luminance(head) or 100.0) / 100
     return factor
+
+
+def _luminance(head: dict[str, str]) -> float | None:
+    """Y in cd/m² of the white that Argyll states."""
+    xyz = re.findall(r"[-+.\deE]+", head.get("LUMINANCE_XYZ_CDM2", ""))
+    return float(xyz[1]) if len(xyz) == 3 else None
 
 
 def write_cgats(path: str | os.PathLike[str], readings: Readings, full_scale: float = 255) -> Path:
