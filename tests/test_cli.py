@@ -70,6 +70,9 @@ COMMANDS = [
     ["surface", "convert"],
     ["compare"],
     ["report"],
+    ["display", "characterise"],
+    ["display", "verify"],
+    ["display", "calibrate"],
     ["doctor"],
 ]
 
