@@ -56,7 +56,7 @@ def test_unbiased_against_binning(name):
     assert a.brdf.max() > 0
 
 
-@pytest.mark.parametrize(("surface", "theta"), [(blasted(), 30), (rough(0.2), 30), (blasted(), 65), (rough(0.3), 65)])
+@pytest.mark.parametrize(("surface", "theta"), [(rough(0.3), 30), (blasted(), 65), (rough(0.3), 65)])
 def test_five_times_fewer_rays_for_the_same_error(surface, theta):
     """Cones of 2° in plane: the spread over 12 seeds, variance times work (rays, points, a cast for every facet).
 
@@ -184,14 +184,14 @@ def test_starters_are_found_when_it_turns_out_that_they_pay(monkeypatch):
     )
 
 
-@pytest.mark.parametrize("rays", [1, 2, 3, 10])
+@pytest.mark.parametrize("rays", [1, 3])
 def test_few_rays_are_unbiased_too(rays):
     """The mean over many seeds, however few rays there are: double reflections of a retroreflecting groove."""
     gonio = Gonioreflectometer([20], [20], aperture_deg=10)
     solid = gonio.detector.projected_solid_angle[0]
-    runs = [gonio.measure(v_groove(), RayOptics("perfect", rays=rays, seed=s)).brdf.item() * solid for s in range(150)]
+    runs = [gonio.measure(v_groove(), RayOptics("perfect", rays=rays, seed=s)).brdf.item() * solid for s in range(100)]
     expected = 1 - np.tan(np.deg2rad(20))
-    assert abs(np.mean(runs) - expected) < 4.5 * np.std(runs) / np.sqrt(150) + 1e-9
+    assert abs(np.mean(runs) - expected) < 4.5 * np.std(runs) / np.sqrt(100) + 1e-9
 
 
 @pytest.mark.parametrize("estimator", ["binning", "facets"])

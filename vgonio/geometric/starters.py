@@ -62,7 +62,8 @@ class Starters:
     def sample(self, points: int, max_bounces: int, at_once: int, sort: Sort, rng: np.random.Generator, pool: Executor):
         """Follow about `points` more points, two at least, in pairs on one facet.
 
-        Every starter gets a pair where there are enough; otherwise starters are drawn with probability ∝ share (Horvitz and Thompson 1952).
+        Every starter gets a pair where there are enough; otherwise starters are drawn with probability ∝ share
+        (Horvitz and Thompson 1952).
         """
         if len(self.facet) == 0:
             return
