@@ -59,6 +59,14 @@ def test_the_formula_by_hand():
     assert calibrate(single, factor).brdf.values.ravel() == pytest.approx([0.5] * 3)
 
 
+def test_a_shadowed_retro_direction_is_left_out():
+    """In the second configuration the detector hides the lamp at θ_o = θ_i = 10°: 16 angles remain."""
+    white = counted(IDEAL, lambert(), [10], np.arange(-80, 81, 10), 0, noisy=False)
+    factor = calibration_factor(white.where(white.theta_o != 10), lambertian_standard(NM, [0.99] * 3))
+    assert factor.attrs["angles"] == 16
+    np.testing.assert_allclose(factor.factor, LAMP, rtol=1e-12)
+
+
 def test_one_wavelength_or_all():
     """The standard falls by 4 % towards the blue: taken at 550 nm alone, the sample's spectrum carries that 4 %."""
     reflectance = np.array([0.95, 0.99, 0.99])

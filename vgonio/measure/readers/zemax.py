@@ -186,7 +186,7 @@ def _lookup(table: Floats, grid: tuple[Floats, Floats, Floats], symmetric: bool,
         azimuth = np.abs(azimuth)
     else:
         azimuth = (azimuth - grid[1][0]) % (2 * np.pi) + grid[1][0]
-        if grid[1].size > 1:  # the circle closes
+        if grid[1].size > 1 and grid[1][-1] < grid[1][0] + 2 * np.pi - 1e-9:  # the circle closes
             grid = (grid[0], np.append(grid[1], grid[1][0] + 2 * np.pi), grid[2])
             table = np.concatenate([table, table[:, :1]], axis=1)
     total = np.zeros((len(wo), table.shape[-1]))
