@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -28,7 +28,8 @@ class Patch:
     """Points of a window on the interpolated surface.
 
     grid : heights, normals, pitch;  x, y : (n,) µm;  weight : (n, n) amplitude window;  area : ∫ w² dx dy in µm²
-    horizon : (azimuths, n, n) slope of the highest line of sight;  azimuth : (azimuths,) radians, ascending
+    wide : heights with `margin` more points on each side, NaN where there is no surface
+    azimuth : (azimuths,) radians, ascending, of the map of horizons, whose sheets are made when they are first needed
     """
 
     grid: Grid
@@ -36,8 +37,10 @@ class Patch:
     y: Floats
     weight: Floats
     area: float
-    horizon: NDArray[np.float32]
+    wide: Floats
+    margin: int
     azimuth: Floats
+    sheets: dict[int, NDArray[np.float32]] = field(default_factory=dict)
 
     @staticmethod
     def of(surface: Heightfield, window: Window, spacing: float, azimuth: float) -> Patch:
@@ -63,9 +66,8 @@ class Patch:
         profile = window.profile(t, window.half[0])
         weight = np.outer(profile, profile)
         turns = azimuth + 2 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
-        horizon = horizon_map(wide, margin, pitch, turns)
         grid = Grid(wide[inner, inner], normal / np.linalg.norm(normal, axis=0), pitch)
-        return Patch(grid, x, y, weight, float(np.sum(weight**2) * pitch**2), horizon, turns)
+        return Patch(grid, x, y, weight, float(np.sum(weight**2) * pitch**2), wide, margin, turns)
 
     @property
     def steepest(self) -> float:
@@ -82,6 +84,12 @@ class Patch:
         """(n,) where light from wi (n, 3) can meet the surface a second time: θ_i + 3 × the steepest slope ≥ 90°."""
         return np.arccos(np.clip(wi[:, 2], -1, 1)) + 3 * self.steepest >= np.pi / 2
 
+    def horizon(self, i: int) -> NDArray[np.float32]:
+        """(n, n) slope of the highest line of sight along azimuth[i]."""
+        if i not in self.sheets:
+            self.sheets[i] = horizon_map(self.wide, self.margin, self.grid.pitch, self.azimuth[i : i + 1])[0]
+        return self.sheets[i]
+
     def seen(self, w: Floats) -> NDArray[np.bool_]:
         """(n, n) which points see the far direction w (3,)."""
         facing = np.einsum("i,iyx->yx", w, self.grid.normal) > 0
@@ -90,9 +98,9 @@ class Patch:
             return facing
         turn = (np.arctan2(w[1], w[0]) - self.azimuth[0]) / (2 * np.pi) % 1.0 * AZIMUTHS
         i, f = int(np.rint(turn)) if abs(turn - np.rint(turn)) < 1e-6 else int(turn), turn % 1.0
-        horizon = self.horizon[i % AZIMUTHS]
+        horizon = self.horizon(i % AZIMUTHS)
         if 1e-6 < f < 1 - 1e-6:
-            horizon = (1 - f) * horizon + f * self.horizon[(i + 1) % AZIMUTHS]
+            horizon = (1 - f) * horizon + f * self.horizon((i + 1) % AZIMUTHS)
         return facing & (w[2] >= horizon * across)
 
     @cached_property
