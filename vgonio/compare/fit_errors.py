@@ -27,6 +27,7 @@ class Errors:
 
     correlation (P + K, P + K) of the parameters and the spectral means of the coefficients
     independent (P,) : share of a parameter's influence that the coefficients inside cannot imitate, 0…1
+    deciding (P,) : effective number of clusters that decide a parameter; below about 3 its error is itself uncertain
     condition : of the scaled normal matrix of the shape parameters;  samples : (B, P) of the bootstrap, or None
     """
 
@@ -34,6 +35,7 @@ class Errors:
     coefficients: Floats
     correlation: Floats
     independent: Floats
+    deciding: Floats
     condition: float
     samples: Floats | None = None
 
@@ -51,9 +53,14 @@ def derivatives(problem: Problem, ranges: Mapping[str, Range], u: Floats, c: Flo
 
 
 def sandwich(
-    problem: Problem, ranges: Mapping[str, Range], u: Floats, inner: Inner, cluster: NDArray[np.intp], held: list[int]
+    problem: Problem,
+    ranges: Mapping[str, Range],
+    u: Floats,
+    inner: Inner,
+    cluster: NDArray[np.intp] | None,
+    held: list[int],
 ) -> Errors:
-    """Errors from the scores of clusters (n,) of spectra; parameters `held` (indices, at a bound) get NaN.
+    """Errors from the scores of clusters (n,) of spectra, None: of single values; `held` (indices, at a bound) get NaN.
 
     Residuals are those of a fit without their own cluster (the jackknife form of Bell and McCaffrey 2002, "CR3"): a
     peak that few directions see is followed by the fit, and its residual says little of its noise.
@@ -66,27 +73,58 @@ def sandwich(
     for k in range(len(columns)):
         normal[:, k, k] += normal[:, k, k] == 0
     inverse = np.linalg.pinv(normal, hermitian=True)
-    cross = np.einsum("knl,pnl->lkp", columns, by_u)
-    imitation = np.einsum("ljk,lkp->ljp", inverse, cross)
+    imitation = np.einsum("ljk,lkp->ljp", inverse, np.einsum("knl,pnl->lkp", columns, by_u))
     alone = by_u - np.einsum("knl,lkp->pnl", columns, imitation)
     size, own = (np.sqrt(np.sum(x**2, axis=(1, 2))) for x in (by_u, alone))
-    independent = own / np.where(size > 0, size, 1.0)
     scale = np.where(own[free] > 0, own[free], 1.0)
     tangent = alone[free] / scale[:, None, None]
     square = np.einsum("pnl,qnl->pq", tangent, tangent)
     condition = float(np.linalg.cond(square)) if len(free) and np.all(own[free] > 0) else 1.0 if not free else np.inf
-    rest = _left_out(tangent, square, columns, normal, inner.residual, cluster)
-    count = int(cluster.max()) + 1
-    full = np.zeros((len(u), count))
-    scores = _by_cluster(np.einsum("pnl,nl->pn", tangent, rest), cluster, count)
-    full[free] = np.linalg.pinv(square, hermitian=True) @ scores / scale[:, None]
-    by_c = np.einsum("ljk,kcl->jcl", inverse, _by_cluster(columns * rest, cluster, count))
-    by_c = by_c - np.einsum("ljp,pc->jcl", imitation, full)
-    shape = np.sqrt(np.sum(full**2, axis=1))
+    back = np.linalg.pinv(square, hermitian=True) / scale[:, None]
+    if cluster is None:
+        rest = _values_left_out(tangent, square, columns, inverse, inner.residual)
+        full = np.zeros((len(u), rest.size))
+        full[free] = back @ (tangent * rest).reshape(len(free), rest.size)
+        variance, mean = _coefficient_values(np.einsum("ljk,knl->jnl", inverse, columns * rest), imitation, full)
+    else:
+        rest = _left_out(tangent, square, columns, normal, inner.residual, cluster)
+        count = int(cluster.max()) + 1
+        full = np.zeros((len(u), count))
+        full[free] = back @ _by_cluster(np.einsum("pnl,nl->pn", tangent, rest), cluster, count)
+        by_c = np.einsum("ljk,kcl->jcl", inverse, _by_cluster(columns * rest, cluster, count))
+        by_c = by_c - np.einsum("ljp,pc->jcl", imitation, full)
+        variance, mean = np.sum(by_c**2, axis=1), by_c.mean(axis=2)
+    squares, fourth = np.sum(full**2, axis=1), np.sum(full**4, axis=1)
+    shape = np.sqrt(squares) * np.array([_unit_slope(x, r) for x, r in zip(u, ranges.values())])
     shape[held] = np.nan
-    per_unit = np.array([_unit_slope(x, r) for x, r in zip(u, ranges.values())])
-    everything = np.concatenate([full, by_c.mean(axis=2)])
-    return Errors(shape * per_unit, np.sqrt(np.sum(by_c**2, axis=1)), _correlation(everything), independent, condition)
+    return Errors(
+        shape,
+        np.sqrt(variance),
+        _correlation(np.concatenate([full, mean])),
+        own / np.where(size > 0, size, 1.0),
+        np.where(fourth > 0, squares**2 / np.where(fourth > 0, fourth, 1.0), np.nan),
+        condition,
+    )
+
+
+def _values_left_out(tangent: Floats, square: Floats, columns: Floats, inverse: Floats, residual: Floats) -> Floats:
+    """(n, n_λ) residuals as they would be had their own value not been fitted: r/(1 − h), h the leverage."""
+    h = np.einsum("pnl,pq,qnl->nl", tangent, np.linalg.pinv(square, hermitian=True), tangent)
+    h = h + np.einsum("jnl,ljk,knl->nl", columns, inverse, columns)
+    return residual / np.maximum(1.0 - h, 1e-6)
+
+
+def _coefficient_values(direct: Floats, imitation: Floats, full: Floats) -> tuple[Floats, Floats]:
+    """(K, n_λ) variances of the coefficients and (K, values) influence on their spectral means.
+
+    direct (K, n, n_λ) : influence of a value on the coefficient of its wavelength, the shape held;  full (P, values)
+    """
+    k, n, m = direct.shape
+    through = np.einsum("ljp,pq,ljq->jl", imitation, full @ full.T, imitation)
+    own = np.einsum("ljp,pnl->jnl", imitation, full.reshape(len(full), n, m))
+    variance = through + np.sum(direct**2 - 2 * direct * own, axis=1)
+    mean = direct.reshape(k, n * m) / m - imitation.mean(axis=0) @ full
+    return np.maximum(variance, 0.0), mean
 
 
 def _left_out(
@@ -175,6 +213,7 @@ def bootstrap(
         c.std(axis=0, ddof=1),
         _correlation(centred),
         base.independent,
+        base.deciding,
         base.condition,
         values,
     )

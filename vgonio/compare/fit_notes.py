@@ -15,6 +15,7 @@ from .search import Descent, Minimum, at_bounds
 LARGEST_CONDITION = 1e8
 LEAST_INDEPENDENT = 1e-3
 LARGEST_CORRELATION = 0.98
+FEWEST_DECIDING = 3.0
 # a second minimum whose cost lies within that many "units of noise" (cost per spectrum) of the best cannot be excluded
 SIGMA_SQUARED = 9.0
 
@@ -45,6 +46,9 @@ def _undetermined(
     for name, share in zip(ranges, errors.independent):
         if share < LEAST_INDEPENDENT and problem.names:
             found.append(f"ill-conditioned: {name} cannot be told from {' and '.join(problem.names)}, which imitate it")
+    for name, count in zip(ranges, errors.deciding):
+        if count < FEWEST_DECIDING:
+            found.append(f"{name} is decided by {count:.1f} observations: its error is uncertain")
     if errors.condition > LARGEST_CONDITION:
         found.append(f"ill-conditioned: the parameters' normal matrix has the condition number {errors.condition:.1g}")
     for i in range(len(names)):

@@ -24,7 +24,7 @@ from .search import Descent, at_bounds, search
 
 Floats = NDArray[np.float64]
 ERRORS = ("sandwich", "bootstrap", "none")
-CLUSTERS = ("spectrum", "theta_i")
+CLUSTERS = ("spectrum", "theta_i", "value")
 UNITS = {
     "h": "nm-1", "t_y": "nm-1", "h1": "nm-1", "h2": "nm-1", "c": "sr-1", "sigma_deg": "degree", "rms_um": "um",
     "b_um": "um",
@@ -57,8 +57,9 @@ def fit_model(
     inside, "k_d" and "k_s";  exponent : w of 3.2, weights steep incidence more
     wavelength_range : nm, both ends included;  ranges : bounds other than `models.RANGES`
     start : a guess that is tried beside the `starts` best of a quasi-random sample
-    errors : "sandwich", "bootstrap" (with `samples` refits) or "none"; whole spectra are the observations, with
-    cluster="theta_i" all spectra of one angle of incidence, where what the model misses is alike in neighbours
+    errors : "sandwich", "bootstrap" (with `samples` refits) or "none"
+    cluster : what is an observation of its own: a "spectrum", all spectra of one "theta_i" (where what the model misses
+    is alike in neighbours), or each "value" (only where the noise is independent from wavelength to wavelength)
     fixed : values of parameters that do not vary, for example c=0.01, distribution="beckmann", single_share=…
 
     Returns a dataset like a BRDF: brdf (fitted), residual (of the cost), each free parameter and coefficient with its
@@ -88,11 +89,14 @@ def fit_model(
     best = Descent(problem, bounds)
     inner = best.solve(minima[0].u)
     held = at_bounds(minima[0].u, bounds)
-    groups = np.arange(len(pairs.place)) if cluster == "spectrum" else _incidence(pairs)
+    spectra = np.arange(len(pairs.place))
+    groups = {"spectrum": spectra, "theta_i": _incidence(pairs), "value": None}[cluster]
     found = sandwich(problem, bounds, minima[0].u, inner, groups, [list(bounds).index(k) for k in held])
     if errors == "bootstrap":
         rest = (lambda x: progress(0.5 + 0.5 * x)) if progress else None
-        found = bootstrap(problem, bounds, minima[0].u, inner, groups, found, samples, seed, rest)
+        found = bootstrap(
+            problem, bounds, minima[0].u, inner, spectra if groups is None else groups, found, samples, seed, rest
+        )
     result = _dataset(
         problem, best.shape(minima[0].u), inner, found if errors != "none" else None, values.get("single_share")
     )

@@ -16,6 +16,7 @@ from .pairs import Problem
 Floats = NDArray[np.float64]
 # turn the spectrum, not the lobe
 SHIFT = {"h", "w", "t_y", "p", "h1", "w1", "h2", "w2"}
+SCOUT = 1e-4  # tolerance of a descent that is only to find the valley
 THIN = 8  # wavelengths that are enough to find the valley
 SAME = 0.02  # minima nearer than this share of the range are one
 AT_BOUND = 2e-4  # of the range
@@ -57,8 +58,8 @@ class Descent:
         self.inner = self.problem.inner(self.shape(u), start)
         return self.inner
 
-    def run(self, u: Floats, most: int = 300) -> Minimum:
-        """Levenberg–Marquardt from unit parameters u."""
+    def run(self, u: Floats, most: int = 300, tol: float = 1e-9) -> Minimum:
+        """Levenberg–Marquardt from unit parameters u until they move by less than tol."""
         import lmfit
 
         if not len(u):
@@ -72,7 +73,14 @@ class Descent:
 
         # a step of 10⁻⁵ of the range stays above what is left of the coefficients' own search
         found = lmfit.minimize(
-            residual, parameters, method="leastsq", calc_covar=False, max_nfev=most, epsfcn=1e-10, xtol=1e-9, ftol=1e-12
+            residual,
+            parameters,
+            method="leastsq",
+            calc_covar=False,
+            max_nfev=most,
+            epsfcn=1e-10,
+            xtol=tol,
+            ftol=tol * 1e-3,
         )
         best = np.array([found.params[k].value for k in self.ranges])
         return Minimum(best, self.solve(best).cost, int(found.nfev))
@@ -96,7 +104,7 @@ def starts(descent: Descent, given: Mapping[str, float], count: int, seed: int) 
         held.problem = descent.problem.with_fixed(
             {names[i]: from_unit(base[i], descent.ranges[names[i]]) for i in turning}
         )
-        best = min((held.run(u[plain]) for u in bases), key=lambda m: m.cost)
+        best = min((held.run(u[plain], 100, SCOUT) for u in bases), key=lambda m: m.cost)
         base[plain] = best.u
     chosen = _sampled(descent, base, turning, count, seed) if turning else bases
     if given:
@@ -157,7 +165,7 @@ def search(
     chosen = starts(scout, given, count, seed)
     for i, u in enumerate(chosen):
         scout.inner = None
-        found.append(scout.run(u))
+        found.append(scout.run(u, 100, SCOUT))
         if progress:
             progress(0.5 * (i + 1) / len(chosen))
     best = distinct(found)[:2]
