@@ -120,6 +120,7 @@ def test_hemisphere_and_missing_light():
     total = (data.brdf.isel(wavelength=0) * gonio.detector.projected_solid_angle).sum("cell")
     assert np.allclose(total, data.energy_reflected.isel(wavelength=0))
     assert 0.75 < data.energy_reflected.item() < 1.2
+    assert 0 < data.attrs["sight_error"] < 0.1
     assert 0 < data.second_hits.item() < 1
     assert 0 < data.second_hits_outside.item() < 0.5
     assert np.all(data.brdf >= 0)

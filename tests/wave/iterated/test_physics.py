@@ -104,9 +104,7 @@ def test_short_wavelengths_become_the_rays_decomposition():
     gonio = vg.measure.Gonioreflectometer([0, 15, 30], range(-80, 81, 20), coherence_um=8)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", VgonioWarning)
-        waves = gonio.measure(
-            surface, IteratedKirchhoff("perfect", [200], window_um=48, points_per_wavelength=6)
-        )
+        waves = gonio.measure(surface, IteratedKirchhoff("perfect", [200], window_um=48, points_per_wavelength=6))
         wide = surface.replace(z=np.repeat(surface.z, 2, axis=0))
         rays = gonio.measure(wide, vg.geometric.RayOptics("perfect", [200], rays=40_000))
     share = rays.energy_by_bounce.isel(wavelength=0).transpose("theta_i", "bounce").values

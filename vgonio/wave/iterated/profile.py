@@ -93,6 +93,8 @@ class Orders:
     brdf : (bounces + 1, t, elements), the last the coherent sum;  energy : (bounces + 1, t);  used : bounces done
     mueller : (16, t, elements) of the coherent sum, row by row
     caught : (t,) power that the lit points receive, over that of the same window on a flat surface
+    sight_error : of a patch, share of pairs that face each other whose sight is judged otherwise by a march along the
+        line between them; 0 on profiles, whose sight is exact between the points
     """
 
     brdf: Floats
@@ -100,6 +102,7 @@ class Orders:
     used: int
     mueller: Floats
     caught: Floats
+    sight_error: float = 0.0
 
 
 def fields(stretch: Stretch, light: Light, bounces: int, tol: float, shadowing: bool) -> tuple[Complex, Complex]:

@@ -168,12 +168,13 @@ class IteratedKirchhoff:
         per = self.per(surface)
 
         def one(window: Window, wavelength: float, fineness: float, report: Progress) -> Orders:
-            light = incoming if fineness == per else replace(incoming, theta_deg=incoming.theta_deg[:1])
-            return patch_orders(
+            used = fineness == per
+            light = incoming if used else replace(incoming, theta_deg=incoming.theta_deg[:1])
+            made, patch = patch_orders(
                 surface, window, light, detector, self.material, wavelength,  # type: ignore[arg-type]
-                wavelength * 1e-3 / fineness, self.bounces, self.tol, self.seed, report,
-                energies=self.energy and fineness == per,
-            )[0]  # fmt: skip
+                wavelength * 1e-3 / fineness, self.bounces, self.tol, self.seed, report, energies=self.energy and used,
+            )  # fmt: skip
+            return replace(made, sight_error=patch.sight_error) if not used and made.used > 1 else made
 
         return self._all(one, places, per)
 
@@ -192,9 +193,10 @@ class IteratedKirchhoff:
                 report(1.0)
                 done += 1
             found.append(_stacked(spectrum))
-        rough = one(places.windows[0], self.wavelength_nm[0], per / COARSER, lambda f: None).brdf[-1]
-        fine = found[0].brdf[-1, : len(rough), :, 0]
-        return found, float(np.max(np.abs(rough - fine)) / max(float(fine.max()), 1e-300))
+        rough = one(places.windows[0], self.wavelength_nm[0], per / COARSER, lambda f: None)
+        fine = found[0].brdf[-1, : len(rough.energy[0]), :, 0]
+        found[0] = replace(found[0], sight_error=rough.sight_error)
+        return found, float(np.max(np.abs(rough.brdf[-1] - fine)) / max(float(fine.max()), 1e-300))
 
     # ---- the result
     def _dataset(
@@ -248,6 +250,7 @@ class IteratedKirchhoff:
             "beam": self.beam,
             "window_um": places.window_um,
             "coherence_um": places.length_um,
+            "sight_error": found[0].sight_error,
             "windows": places.independent,
             "windows_tiled": places.tiled,
             "windows_used": len(places.windows),
