@@ -136,3 +136,15 @@ def test_bad_requests(model):
         vd.Readings([[1, 0, 0]], np.full((1, 41), np.nan), np.linspace(380, 780, 41))
     with pytest.raises(InputError, match="divisor"):
         vd.grid_colours(80)
+
+
+def test_the_package_is_light_to_import():
+    """Neither colour-science nor matplotlib is loaded before something is computed or drawn."""
+    import subprocess
+    import sys
+
+    code = (
+        "import sys, vgonio.display; print([m for m in ('colour', 'matplotlib', 'lmfit', 'PIL') if m in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"

@@ -112,7 +112,7 @@ def _covers(fact: Mapping[str, Any]) -> str:
     wider = "Adobe RGB" if shares["Adobe RGB"] > 0.9 else "sRGB"
     kind = f"close to or beyond {wider}" if shares[wider] > 0.9 else "smaller than sRGB"
     return (
-        f"The gamut covers {percent(shares['sRGB'])} of sRGB and {percent(shares['Adobe RGB'])} of Adobe RGB "
+        f"The gamut covers {percent(shares['sRGB'], 3)} of sRGB and {percent(shares['Adobe RGB'], 3)} of Adobe RGB "
         f"(in u′v′): {kind}."
     )
 
@@ -157,7 +157,7 @@ def _table_5_1(facts: Mapping[str, Mapping[str, Any]]) -> Table:
     row("White x, y", lambda f: _pair(f["white_xy"]))
     for channel in ("red", "green", "blue"):
         row(f"{channel.capitalize()} x, y", lambda f, c=channel: _pair(f["primaries_xy"][c]))
-    row("Covers of sRGB, Adobe RGB", lambda f: ", ".join(percent(v) for v in f["coverage"].values()))
+    row("Covers of sRGB, Adobe RGB", lambda f: ", ".join(percent(v, 3) for v in f["coverage"].values()))
     row("Exponent of R, G, B", lambda f: ", ".join(number(v) for v in f["gamma"].values()))
     row("Levels measured of R, G, B", lambda f: ", ".join(str(v) for v in f["levels"].values()))
     row("Condition number of the primaries", lambda f: number(f["condition"], 2))
