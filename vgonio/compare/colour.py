@@ -98,6 +98,24 @@ def weights(wavelength_nm: Floats) -> tuple[Floats, Floats]:
     return matrix, outside
 
 
+@lru_cache(maxsize=8)
+def _emitted(wavelength: tuple[float, ...]) -> Floats:
+    cmfs = _colour().MSDS_CMFS[OBSERVER]
+    nm = np.arange(cmfs.wavelengths[0], cmfs.wavelengths[-1] + 0.5)
+    observer = np.stack([np.interp(nm, cmfs.wavelengths, column) for column in cmfs.values.T], axis=1)
+    w = np.array(wavelength)
+    hats = np.stack([np.interp(nm, w, row, left=0.0, right=0.0) for row in np.eye(w.size)], axis=1)
+    return hats.T @ observer
+
+
+def emitted_weights(wavelength_nm: Floats) -> Floats:
+    """Weights (n_λ, 3) that turn a spectral radiance at sorted wavelengths in nm into X, Y, Z: ∫ L x̄ dλ and so on.
+
+    For light itself, without an illuminant; linear between the samples, nothing beyond them.
+    """
+    return _emitted(tuple(np.asarray(wavelength_nm, dtype=np.float64).tolist()))
+
+
 def _cos_i(data: xr.Dataset) -> xr.DataArray:
     return xr.DataArray(np.cos(radians(data["theta_i"].values)), dims="theta_i")
 
@@ -168,6 +186,11 @@ def _clipping(linear: Floats, exposure: float, chromatic: bool) -> dict[str, Any
         "clipped_bright": float(np.sum(high & seen) / max(np.sum(seen), 1)),
         "squares_missing": int(np.sum(~seen)),
     }
+
+
+def white_point() -> Floats:
+    """(3,) XYZ of D65 with Y = 1, the white of `lab`."""
+    return _standard()[2]
 
 
 def lab(values: Floats) -> Floats:
