@@ -87,6 +87,8 @@ def _plain_class(mi: Any) -> type:
             # the mean of k_d steers the choice of the lobe and nothing else
             self.k_d_mean = mi.Float(float(props.get("k_d_mean", 0.5)) if self.diffuse else 0.0)
             self.read_shift(props)
+            # in memory, not written into the compiled kernel: one kernel serves all values
+            dr.make_opaque(self.alpha, self.eta, self.c, self.k_d_mean)
             flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
             self.m_components = [flags | (mi.BSDFFlags.DiffuseReflection if self.diffuse else flags)]
             self.m_flags = self.m_components[0]
@@ -183,6 +185,7 @@ def _extended_class(mi: Any, plain: type) -> type:
             self.h, self.w = mi.Float(_finite("h", props["h"])), mi.Float(_finite("w", props["w"]))
             self.t_y = mi.Float(_finite("t_y", props.get("t_y", 0.0)))
             self.p = _finite("p", props.get("p", 1.0))
+            dr.make_opaque(self.h, self.w, self.t_y)
 
         def shifted(self, f: Any, m: Any, si: Any) -> Any:
             # arctan2 instead of arccos: exact near 0, where most of the lobe is
