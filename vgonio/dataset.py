@@ -50,7 +50,7 @@ VARIABLES = {
     "second_hits_outside": ("1", "share of those second hits that lie outside the patch"),
     "brdf_by_polarisation": ("sr-1", "brdf for light of one polarisation"),
     "energy_transmitted": ("1", "share of the incident power in the orders inside a loss-free material"),
-    "energy_balance": ("1", "share of the incident power that is reflected or goes into the material: 1 when exact"),
+    "energy_balance": ("1", "reflected, absorbed and lost shares of the incident power together: 1 when exact"),
     "condition_number": ("1", "condition number of the linear system, 1-norm, estimated"),
     "residual": ("1", "relative residual of the linear system"),
     "energy_by_bounce": ("1", "share of the incident power that leaves upward after that many reflections"),

@@ -51,10 +51,10 @@ def test_flat_mirror(index, polarisation):
 @pytest.mark.parametrize("polarisation", ["TE", "TM"])
 @pytest.mark.parametrize("index", [None, 1.5, 0.79 + 5.85j])
 def test_energy_and_extinction(index, polarisation):
-    """RMS slope 0.35: what comes back and what goes in is all (1e-3); the field is nought below, in the material."""
+    """RMS slope 0.35: what comes back, goes in and leaves sideways is all (1e-4); below, the field is nought."""
     x, z = rough(0.35, 1.4, 1)
     found = scatter_profile(x, z, 1.0, [20.0], polarisation, index, 5.0)
-    assert found.balance[0] == pytest.approx(1.0, abs=1e-3)
+    assert found.balance[0] == pytest.approx(1.0, abs=1e-4)
     fields = found.fields
     px, pz = np.linspace(16, 24, 9), np.full(9, -3.0)
     sx, sz = fields.curve.point
@@ -76,18 +76,20 @@ def test_panels_converge_on_a_steep_profile():
         assert np.abs(a - b).max() < 1e-4 * b.max()
 
 
-def test_wider_ends_return_the_lost_light():
-    """What is missing from the balance of a steep profile leaves past its ends: flat ends catch most of it."""
+@pytest.mark.parametrize("polarisation", ["TE", "TM"])
+def test_light_that_leaves_past_the_ends_is_counted(polarisation):
+    """RMS slope 0.7: what is missing above is found below, in the far field of beam and surface together: all of it
+    in TE, nine tenths in TM, where the field does not vanish at the ends. With flat ends there is less of it."""
     x, z = rough(1.0, 2.0, 5, 30.0, 600)
-    window = np.clip((15.0 - np.abs(x - 15.0)) / 4.0, 0, 1)
-    z = z * window * window * (3 - 2 * window)
+    z = z * np.sin(np.pi * np.clip((15.0 - np.abs(x - 15.0)) / 8.0, 0, 1) / 2) ** 2
     flat = np.arange(0.025, 20, 0.05)
     wide_x = np.concatenate([flat - 20, x, 30 + flat])
     wide_z = np.concatenate([0 * flat, z, 0 * flat])
-    narrow = scatter_profile(x, z, 1.0, [20.0], "TE", None, 4.0).balance[0]
-    wide = scatter_profile(wide_x, wide_z, 1.0, [20.0], "TE", None, 4.0).balance[0]
-    assert abs(1 - wide) < 1e-3
-    assert abs(1 - wide) < abs(1 - narrow)
+    narrow = scatter_profile(x, z, 1.0, [20.0], polarisation, None, 4.0)
+    wide = scatter_profile(wide_x, wide_z, 1.0, [20.0], polarisation, None, 4.0)
+    for found in (narrow, wide):
+        assert abs(1 - found.balance[0]) < 1e-5 + (1e-3 if polarisation == "TE" else 0.1) * found.lost[0]
+    assert wide.lost[0] < narrow.lost[0]
 
 
 def test_smooth_profile_is_as_kirchhoff_says():

@@ -163,6 +163,7 @@ def scattered(
     }
     return Outcome(
         brdf=brdf,
+        lost=np.zeros(brdf.shape[:2]),
         stderr=np.broadcast_to(error * brdf.max(axis=-1, keepdims=True), brdf.shape),
         unknowns=max(d.unknowns for row in table for d in row),
         error=error,

@@ -12,13 +12,15 @@ from .panels import Floats
 class Outcome:
     """Arrays over (polarisation, theta_i) or, brdf and stderr, (polarisation, theta_i, element).
 
-    absorbed : flux into the material, 0 for a perfect conductor;  error : see `effort.converged`
+    absorbed : flux into the material, 0 for a perfect conductor;  lost : what leaves past the ends of a finite profile
+    error : see `effort.converged`
     """
 
     brdf: Floats
     stderr: Floats
     reflected: Floats
     absorbed: Floats
+    lost: Floats
     condition: Floats
     residual: Floats
     unknowns: int

@@ -13,7 +13,8 @@ ILL_CONDITIONED = 1e8
 RESIDUAL = 1e-8
 CUT = 0.02  # amplitude of a beam at the end of its patch that is worth a word
 LEFT_OUT = 1e-3
-UNBALANCED = 1e-2
+UNBALANCED = 1e-3
+LOST = 1e-2
 
 
 @dataclass(frozen=True)
@@ -39,11 +40,18 @@ class Quality:
         if self.residual > RESIDUAL:
             out.append(f"the system was solved to a residual of {self.residual:.1e} only")
         if self.balance > UNBALANCED:
-            out.append(
-                f"energy balance off by {self.balance:.2%}: light leaves a finite profile past its ends, or the panels "
-                "are too coarse (see error_achieved)"
-            )
+            out.append(f"energy balance off by {self.balance:.2%}: panels are too coarse (see error_achieved)")
         return out
+
+
+def of_ends(lost: float) -> list[str]:
+    """Remarks on the share of the light that a finite profile loses past its ends."""
+    if lost < LOST:
+        return []
+    return [
+        f"{lost:.1%} of the light leaves past the ends of a finite profile (energy_lost): take a longer profile, or a "
+        "smaller coherence_um"
+    ]
 
 
 def of_grating(found: list[Diffraction], wavelength: float, theta_i_deg: float) -> list[str]:

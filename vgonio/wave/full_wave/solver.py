@@ -156,7 +156,8 @@ class FullWave:
             "brdf_by_polarisation": (("polarisation", *over), brdf),
             "energy_reflected": (share, stacked("reflected").mean(axis=0)),
             "energy_absorbed": (share, stacked("absorbed").mean(axis=0)),
-            "energy_balance": (each, stacked("reflected") + stacked("absorbed")),
+            "energy_lost": (share, stacked("lost").mean(axis=0)),
+            "energy_balance": (each, stacked("reflected") + stacked("absorbed") + stacked("lost")),
             "condition_number": (each, stacked("condition")),
             "residual": (each, stacked("residual")),
         }

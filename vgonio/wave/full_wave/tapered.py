@@ -3,9 +3,12 @@
     found = scatter_profile(x_um, z_um, wavelength_um=0.55, theta_i_deg=[20], polarisation="TE",
                             refractive_index=None, taper_um=8.0, theta_o_deg=np.linspace(-89, 89, 400))
     found.density        # (theta_i, theta_o) reflected power per radian over incident power
-    found.balance        # (theta_i,) total reflected (perfect: 1; with a material: reflected + absorbed) over incident
+    found.reflected      # (theta_i,) total reflected power over incident power
+    found.lost           # (theta_i,) what runs along the profile and leaves past its ends, into the half-space below
+    found.balance        # (theta_i,) reflected + absorbed + lost: 1 when exact
 
-The profile is open: it ends where the beam is weak, and what little light reaches its ends is diffracted there.
+The profile is open: it ends where the beam is weak, and what light reaches its ends leaves there. That is counted by
+itself, from the far field of beam and surface together below the profile.
 """
 
 from __future__ import annotations
@@ -61,9 +64,20 @@ class Fields:
 
     def reflected(self) -> Floats:
         """(r,) total power scattered upward over incident power."""
+        t, w = self._all_round()
+        return np.asarray(self.density(t) @ w)
+
+    def lost(self) -> Floats:
+        """(r,) power that leaves past the ends of the profile, into the half-space below, over incident power."""
+        t, w = self._all_round()
+        below = self.amplitude(t + np.pi) + np.array([b.downward(t) for b in self.beams])
+        return np.asarray(np.abs(below) ** 2 @ w / (8 * np.pi * self.k * self.incident))
+
+    def _all_round(self) -> tuple[Floats, Floats]:
+        """Directions and weights over a half-space, radians."""
         extent = float(np.ptp(self.curve.x)) + float(np.ptp(self.curve.z))
         t, w = panels.composite(64 + 1.2 * self.k * extent)
-        return np.asarray(self.density(t * np.pi / 2) @ w * np.pi / 2)
+        return t * np.pi / 2, w * np.pi / 2
 
     def absorbed(self) -> Floats:
         """(r,) power through the surface into the material over incident power."""
@@ -102,10 +116,11 @@ class Patch:
 
 @dataclass(frozen=True, eq=False)
 class Scattering:
-    """What `scatter_profile` finds: density (theta_i, theta_o) per radian, reflected and balance (theta_i,)."""
+    """What `scatter_profile` finds: density (theta_i, theta_o) per radian; reflected, lost and balance (theta_i,)."""
 
     density: Floats
     reflected: Floats
+    lost: Floats
     balance: Floats
     fields: Fields
 
@@ -143,6 +158,6 @@ def scatter_profile(
     theta = np.deg2rad(np.atleast_1d(np.asarray(theta_i_deg, float)))
     patch = Patch.of(panels.on_curve(curve, edges, ORDER), wavelength_um, refractive_index, (polarisation,))
     found = patch.solve(theta, polarisation, taper, float(x[0] + x[-1]) / 2)
-    reflected = found.reflected()
-    balance = reflected if refractive_index is None else reflected + found.absorbed()
-    return Scattering(found.density(np.deg2rad(np.asarray(theta_o_deg, float))), reflected, balance, found)
+    reflected, lost = found.reflected(), found.lost()
+    balance = reflected + lost + (0.0 if refractive_index is None else found.absorbed())
+    return Scattering(found.density(np.deg2rad(np.asarray(theta_o_deg, float))), reflected, lost, balance, found)

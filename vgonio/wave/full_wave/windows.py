@@ -108,24 +108,25 @@ def _outcome(
         return np.mean(np.array(values), axis=0)
 
     reflected = mean([[f.reflected() for f in w] for w in every])
+    lost = mean([[f.lost() for f in w] for w in every])
     absorbed = np.zeros_like(reflected) if index is None else mean([[f.absorbed() for f in w] for w in every])
     condition = np.max([[np.full(len(theta_deg), f.condition) for f in w] for w in every], axis=0)
     residual = np.max([[f.residual for f in w] for w in every], axis=0)
     unknowns = max(f.unknowns for w in every for f in w)
-    worst = remarks.Quality(
-        unknowns, float(condition.max()), float(residual.max()), float(np.abs(1 - reflected - absorbed).max())
-    )
-    said = worst.remarks() + [
+    # in TM the field does not vanish at the open ends, which leaves up to half of what is lost there uncertain
+    defect = np.abs(1 - reflected - absorbed - lost) - 0.5 * lost
+    worst = remarks.Quality(unknowns, float(condition.max()), float(residual.max()), float(defect.max()))
+    said = worst.remarks() + remarks.of_ends(float(lost.max())) + [
         r for w, c in zip(every, middles) for r in remarks.of_beam(w[0], taper, c, theta_deg)
     ]  # fmt: skip
     attrs |= {
         "coherence_um": taper,
         "windows": len(middles),
         "edges": f"open: each window is cut {EDGE:g} ℓ from its middle or where the profile ends; what leaves past the "
-        "ends is missing in energy_balance",
+        "ends is in energy_lost",
         "spectrum_kept": beam.REACH,
     }
-    return Outcome(brdf, stderr, reflected, absorbed, condition, residual, unknowns, error, _unique(said), attrs)
+    return Outcome(brdf, stderr, reflected, absorbed, lost, condition, residual, unknowns, error, _unique(said), attrs)
 
 
 def _unique(lines: list[str]) -> list[str]:
