@@ -201,7 +201,8 @@ def _wave_stages(scene: Scene, surface: Heightfield | None) -> list[Stage]:
             True,
             ", ".join(scalar) + f", method {scene.wave.method!r}, tol = {scene.wave.tol:g}",
             library,
-            f"{count:,} directions × wavelengths, {windows} coherence windows{_dearer(scene)}",
+            f"{count:,} directions × wavelengths, {windows} coherence windows{_dearer(scene)}, "
+            f"{_duration(wave_seconds(scene, surface))}",
         ),
         _trust_stage(surface, scene.wave.theory, light),
         *rigorous,
@@ -234,6 +235,41 @@ def _iterated_stage(scene: Scene, surface: Heightfield) -> Stage:
     solver = assembly.waves(scene, "iterated-kirchhoff")
     what, cost = forecast(solver, surface, assembly.gonioreflectometer(scene).incoming)
     return Stage("iterate", True, what, "numpy" if surface.is_profile else "pyopencl", cost)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 2:
+        return "seconds"
+    return f"about {seconds:.0f} s" if seconds < 120 else f"about {seconds / 60:.0f} min"
+
+
+def wave_seconds(scene: Scene, surface: Heightfield) -> float:
+    """Rough seconds of the wave theories of a scene, all together: right within a factor of a few."""
+    from .wave import cost
+    from .wave.coherence import REACH, tile
+
+    asked, light, detector = scene.wave, scene.light, scene.detector
+    if asked is None or light is None or detector is None:
+        return 0.0
+    spacing = np.array(surface.pitch_um) / refinement(surface, light.wavelength_nm)
+    counts = np.maximum(np.minimum(2 * REACH * light.coherence_um, surface.size_um) / spacing, 16)
+    k = 2e3 * np.pi / np.asarray(light.wavelength_nm)
+    in_plane = detector.theta_o_deg is not None
+    radius = k * light.coherence_um * (np.sin(np.deg2rad(detector.aperture_deg / 2)) if in_plane else 0.0)
+    angles, elements = len(light.theta_i_deg), detector_elements(scene)
+    local = (2 if light.polarisation == "unpolarised" else 1) if asked.fresnel == "local" else 12 * asked.polarised
+    passes = float(angles * (elements if asked.shadowing else 1) * max(1, local * len(k)))
+    plain = not local and not asked.shadowing
+    one = cost.seconds(
+        len(tile(surface, light.coherence_um)),
+        float(counts[1] if surface.is_profile else counts.prod()) * (4 if asked.shadowing else 1),
+        angles * elements * float(np.sum(np.maximum(0.7 * np.pi * radius**2, 1) if in_plane else 4 + 0 * k)),
+        float(2 * radius.max() + 1) if in_plane else 10.0,
+        1.0 if plain else passes,
+        plain and in_plane and not surface.is_profile and asked.method in ("auto", "nufft"),
+        asked.method,
+    )
+    return one * len(asked.theory)
 
 
 def _dearer(scene: Scene) -> str:
@@ -348,6 +384,17 @@ def _warnings(scene: Scene, inputs: assembly.Inputs) -> list[str]:
     if inputs.measured is not None and scene.light is not None:
         found += _measured_warnings(inputs.measured, scene.light)
     return found
+
+
+def _long(scene: Scene, surface: Heightfield) -> list[str]:
+    """A line where the waves are long work, and whether they would be begun at all."""
+    from .wave import cost
+
+    expected = wave_seconds(scene, surface)
+    if expected <= cost.WARN_SECONDS:
+        return []
+    refused = f"; more than {cost.MOST_SECONDS / 3600:.0f} h are refused" if expected > cost.MOST_SECONDS else ""
+    return [f"waves: {cost.remedy(expected)}{refused}"]
 
 
 def _largest_theta_o(scene: Scene) -> float:

@@ -191,7 +191,9 @@ def _choose(method: str, surface: Heightfield, q: Floats, spacing: Floats, tol: 
     grid = [np.array([0.0, side]) for side in surface.size_um]
     z = np.array([[surface.z.min(), surface.z.max()]] * 2)
     proxy = Points(grid[1], grid[0], z, np.ones((2, 2)))
-    fast = nufft.seconds(proxy, q, tol) + nufft.rows(q) * n / 2e7
+    rows = nufft.rows(q)
+    # the proxy has the extents and a few points: what every point costs, in rows or in space, comes on top
+    fast = nufft.seconds(proxy, q, tol) + (rows * n / 2e7 if rows <= nufft.ROW_LIMIT else n / 1.5e6)
     if tol >= OPENCL_TOL and n * len(q) / OPENCL_RATE < fast and _has_opencl():
         return "opencl"
     return "nufft" if fast < n * len(q) / REFERENCE_RATE else "reference"
