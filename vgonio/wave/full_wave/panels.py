@@ -2,7 +2,7 @@
 
 A curve is walked so that the outside (air) lies to its left: a profile from small to large x. Panels follow arc length,
 are halved until their polynomials resolve the curve, and shrink in fixed ratio towards corners, where the field is
-singular (Babuška and Guo 1986: geometric grading converges exponentially there).
+singular (Guo and Babuška 1986: geometric grading converges exponentially there).
 """
 
 from __future__ import annotations

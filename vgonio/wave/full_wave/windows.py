@@ -113,8 +113,8 @@ def _outcome(
     condition = np.max([[np.full(len(theta_deg), f.condition) for f in w] for w in every], axis=0)
     residual = np.max([[f.residual for f in w] for w in every], axis=0)
     unknowns = max(f.unknowns for w in every for f in w)
-    # in TM the field does not vanish at the open ends, which leaves up to half of what is lost there uncertain
-    defect = np.abs(1 - reflected - absorbed - lost) - 0.5 * lost
+    # in TM the field does not vanish at the open ends, so that what is lost there is known roughly only
+    defect = np.abs(1 - reflected - absorbed - lost) - lost
     worst = remarks.Quality(unknowns, float(condition.max()), float(residual.max()), float(defect.max()))
     said = worst.remarks() + remarks.of_ends(float(lost.max())) + [
         r for w, c in zip(every, middles) for r in remarks.of_beam(w[0], taper, c, theta_deg)
