@@ -247,6 +247,7 @@ def wave_seconds(scene: Scene, surface: Heightfield) -> float:
     """Rough seconds of the wave theories of a scene, all together: right within a factor of a few."""
     from .wave import cost
     from .wave.coherence import REACH, tile
+    from .wave.theories import THEORIES
 
     asked, light, detector = scene.wave, scene.light, scene.detector
     if asked is None or light is None or detector is None:
@@ -269,7 +270,7 @@ def wave_seconds(scene: Scene, surface: Heightfield) -> float:
         plain and in_plane and not surface.is_profile and asked.method in ("auto", "nufft"),
         asked.method,
     )
-    return one * len(asked.theory)
+    return one * sum(t in THEORIES for t in asked.theory)
 
 
 def _dearer(scene: Scene) -> str:
@@ -381,6 +382,7 @@ def _warnings(scene: Scene, inputs: assembly.Inputs) -> list[str]:
     scalar = [t for t in scene.wave.theory if t != "full-wave"] if scene.wave is not None else []
     if inputs.surface is not None and scene.wave is not None and scalar:
         found += wave_warnings(inputs.surface, scalar, scene.light, _largest_theta_o(scene), scene.wave.shadowing)
+        found += _long(scene, inputs.surface)
     if inputs.measured is not None and scene.light is not None:
         found += _measured_warnings(inputs.measured, scene.light)
     return found
