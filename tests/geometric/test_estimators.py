@@ -227,3 +227,16 @@ def test_where_it_does_not_apply_rays_are_binned():
     assert Gonioreflectometer([0], OUT).measure(v_groove(), options).attrs["estimator"] == "facets"
     with pytest.raises(InputError, match="facets"):
         RayOptics(estimator="facet")
+
+
+def test_facets_are_looked_at_where_that_pays(monkeypatch):
+    """Up to 64 facets to a ray, 8 in big meshes, of which not all facets are known anyway."""
+    gonio = Gonioreflectometer([0], OUT)
+    surface = rough(0.2)  # 19,208 facets with the overlap of the period
+
+    def used(rays):
+        return gonio.measure(surface, RayOptics("Al", rays=rays)).attrs["estimator"]
+
+    assert [used(n) for n in (290, 310)] == ["binning", "facets"]
+    monkeypatch.setattr("vgonio.geometric.sampling.KEPT_FACETS", 10_000)
+    assert [used(n) for n in (2000, 2600)] == ["binning", "facets"]

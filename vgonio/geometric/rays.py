@@ -48,7 +48,8 @@ class RayOptics:
     less than 5e-4. Periodic surfaces wrap.
     estimator : "binning" sorts rays into the detector; "facets" sends light onto those facets only whose single
     reflection falls into a detector cone, and more of it where paths of several reflections into cones begin; "auto"
-    does that for cones in parallel light, where it needs far fewer rays (unless there are 64 facets to a ray)
+    does that for cones in parallel light, where it needs far fewer rays (not beyond 64 facets to a ray, 8 of
+    a mesh of more than 4 million)
     tracer : "embree", "reference" (slow) or "warp" (CUDA, extra "gpu")
     threads : of the tracing, None for all processors
     polarised : the 4 × 4 Mueller BRDF as well (`mueller`, conventions in mueller.py), whatever the light's polarisation

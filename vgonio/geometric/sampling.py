@@ -23,8 +23,9 @@ BATCH = 1 << 16  # rays of one batch: bounds the memory, and leaves the tracer i
 ESTIMATORS = ("auto", "binning", "facets")
 PATHS_MEMORY, BYTES_OF_A_HIT = 1 << 27, 32  # of one thread
 MARGIN = 1.1  # more work than a pilot says, so that the next look is mostly the last
-# a facet is looked at in a tenth of the time that it took to build into the tracer: it pays, measured with 66 to a ray
-MOST_FACETS = 64  # to a ray
+# to a ray: what parallel light does to all facets is known anyway, so that looking at them pays, measured up to 66 to a
+# ray; in big meshes it is not, and a facet takes as long as a ray, against 8 times fewer rays and better
+MOST_FACETS, MOST_FACETS_OF_BIG_MESHES = 64, 8
 POINTS_BESIDE_RAYS = 4  # without a tolerance: one point on a facet for so many rays
 CASTS_OF_A_POINT = 1.0  # of a ray's: two casts of which the one towards a high source is left out
 
@@ -137,7 +138,8 @@ class _Parallel(_Divergent):
         wanted = self.settings.estimator
         if wanted == "binning" or self.detector.kind != "in-plane":
             return None
-        if wanted == "auto" and self.beam.facets > MOST_FACETS * self.settings.rays:
+        most = MOST_FACETS if self.beam.facets <= KEPT_FACETS else MOST_FACETS_OF_BIG_MESHES
+        if wanted == "auto" and self.beam.facets > most * self.settings.rays:
             return None
         return FacetSampling.of(self.beam, self.detector)
 
