@@ -32,6 +32,8 @@ LENGTH, PITCH, BIN = 60.0, 0.1, 2.0  # in wavelengths; λ = 1 µm; degrees
 THETA_I = (0.0, 20.0, 50.0, 70.0)
 CASES = ((0.3, 4.2), (0.3, 2.0), (0.3, 0.85), (1.0, 5.66), (1.0, 2.0), (1.5, 2.5), (2.0, 2.83))  # σ/λ, T/λ
 FINE = np.arange(-89.75, 90.0, 0.5)  # degrees
+LABELS = {"single": (-7, 5), "shadowed": (7, -12), "rays": (7, 5), "iterated 2": (7, 5), "iterated 3": (-7, 5),
+          "iterated 6": (7, -12)}  # fmt: skip
 METHODS = ("single", "shadowed", "rays", "iterated 2", "iterated 3", "iterated 6")
 
 
@@ -138,6 +140,14 @@ def judged(sigma: float, correlation: float, polarisation: str, found: dict, tra
     return rows
 
 
+def together(rows: list[dict]) -> dict[str, float]:
+    """Power of three reflections for unpolarised light, by case and angle: TE and TM miss it on opposite sides."""
+    found: dict[str, list[float]] = {}
+    for r in rows:
+        found.setdefault(f"{r['sigma']:g} {r['T']:g} {r['theta_i']:g}", []).append(r["power iterated 3"])
+    return {name: float(np.mean(values)) for name, values in found.items()}
+
+
 def growth(quick: bool) -> dict:
     """Seconds against the length of the profile, and the exponent of a fit to the longer half."""
     lengths = (15, 30) if quick else (30, 60, 120, 240)
@@ -181,13 +191,17 @@ def draw(path: str, rows: list[dict], seconds: dict, growths: dict, curves: dict
         low, middle, high = np.percentile(errors, [0, 50, 100])
         time_each = np.mean([s[method] for s in seconds if method in s])
         left.errorbar(time_each, middle, [[middle - low], [high - middle]], fmt="o", color=colours[method], capsize=3)
-        left.annotate(method, (time_each, middle), xytext=(7, 5), textcoords="offset points", color=colours[method])
+        left.annotate(method, (time_each, middle), xytext=LABELS[method], textcoords="offset points",
+                      color=colours[method], ha="right" if LABELS[method][0] < 0 else "left")  # fmt: skip
     noise = np.median([r["noise"] for r in rows if r["slope"] > 0.6 and r["theta_i"] <= 30] or [rows[0]["noise"]])
     left.axhline(noise, color="k", lw=0.8, ls=":")
-    left.annotate("chance, this many profiles", (0.02, noise), xycoords=("axes fraction", "data"), va="bottom", size=8)
+    left.annotate(
+        "chance: two halves of the ensemble", (0.3, noise), xycoords=("axes fraction", "data"), va="bottom", size=8
+    )
     left.axvline(np.mean([s["full wave"] for s in seconds]), color="k", lw=0.8)
-    left.annotate("full wave", (np.mean([s["full wave"] for s in seconds]), 0.5), rotation=90, ha="right", size=8)
-    left.set(xscale="log", yscale="log", xlabel="seconds, one profile of 60 λ, four θ_i",
+    at = (np.mean([s["full wave"] for s in seconds]), 0.8)
+    left.annotate("full wave", at, xycoords=("data", "axes fraction"), rotation=90, ha="right", size=9)
+    left.set(xscale="log", yscale="log", ylim=(0.04, 0.8), xlabel="seconds, one profile of 60 λ, four θ_i",
              ylabel="error of the mean lobe", title="Slopes 0.7 to 1.0, incidence 0° and 20°, TE and TM")  # fmt: skip
     names = {
         "full wave": ("k", "-"),
@@ -251,6 +265,7 @@ def main(arguments: list[str] | None = None) -> dict:
         }
         draw(asked.figure, rows, seconds, growths, curves, machine())
     result = {"machine": machine(), "rows": rows, "seconds": seconds, "growth": growths, "retro": retros}
+    result["mean_of_polarisations"] = together(rows)
     if asked.output:
         with open(asked.output, "w", encoding="utf-8") as file:
             json.dump(result, file, indent=1, default=float)

@@ -14,7 +14,7 @@ from vgonio.surface.visibility import single_reflections
 from vgonio.wave import Kirchhoff
 from vgonio.wave.iterated import IteratedKirchhoff
 from vgonio.wave.iterated.curve import Curve, sample_curve
-from vgonio.wave.iterated.propagate import hankel, pair_operators
+from vgonio.wave.iterated.propagate import hankel, near_grazing, pair_operators
 from vgonio.wave.iterated.sight import look
 
 
@@ -202,3 +202,16 @@ def test_arguments_are_checked():
     with pytest.raises(InputError, match="larger than the surface"):
         gonio = vg.measure.Gonioreflectometer([0], [0])
         gonio.measure(rough(0.3, 2.0).replace(periodic=False), IteratedKirchhoff("perfect", [400], window_um=100))
+
+
+def test_reflection_near_grazing():
+    """A plane wave's r where the source is far or the angle steep, a perfect conductor's where it is near on a metal,
+    nothing where the medium reflects nothing."""
+    c, metal = np.full(3, 0.02), np.full(3, 0.17 + 0.02j)
+    r = (c - metal) / (c + metal)
+    near, middle, far = near_grazing(r, c, metal, np.array([1e-3, 30.0, 1e5]), np.array(1.0))
+    assert near == pytest.approx(1.0, abs=0.1)
+    assert far == pytest.approx(r[0], abs=0.01)
+    assert near.real > middle.real > far.real
+    assert near_grazing(np.ones(1), c[:1], 0 * metal[:1], np.ones(1), np.array(1.0)) == pytest.approx(1.0)
+    assert near_grazing(np.zeros(1), c[:1], c[:1] + 0j, np.ones(1), np.array(0.0)) == pytest.approx(0.0)

@@ -67,7 +67,9 @@ def pair_operators(
 
     The pair's field and its slope are exact where one of them alone is left (perfect conductors). For penetrable media
     the slope of the pair's double layer is taken as that of the plane wave along the pair, −ik cos θ times the field:
-    near-field terms of a plane-wave reflection coefficient would mean nothing.
+    near-field terms of a plane-wave reflection coefficient would mean nothing. In TM the double layer, which vanishes
+    in the tangent plane itself, is received with `near_grazing`; the single layer, whose part in the tangent plane the
+    rule of the first reflection holds already, with r.
     """
     i, j = sight.row, sight.source
     dx, dz = rows.x[i] - curve.x[j], rows.z[i] - curve.z[j]
@@ -90,9 +92,33 @@ def pair_operators(
         return Pairs(sparse(2 * double), None, None, None)
     r = material.amplitudes(arriving, wavelength_nm)[POLARISATIONS[polarisation]]
     single = 0.25j * h0 * curve.ds[j]
+    if polarisation == "TM":
+        admittance = arriving * (1 - r) / (1 + r)  # ∂u/∂n = −ik·admittance·u, whatever the angle nearly
+        head_on = np.abs(material.amplitudes(1.0, wavelength_nm)[1])
+        q = 1 + near_grazing(r, arriving, admittance, k * distance, head_on)
+        return Pairs(
+            sparse(q * double),
+            sparse(-(1 + r) * single),
+            sparse(-1j * k * admittance * q * double),
+            sparse(1j * k * admittance * (1 + r) * single),
+        )
     return Pairs(
         sparse((1 + r) * double),
         sparse(-(1 + r) * single),
         sparse(-(1 - r) * 1j * k * arriving * double),
         sparse(-(1 - r) * slope),
     )
+
+
+def near_grazing(r: Complex, cosine: Floats, admittance: Complex, kd: Floats, metal: Floats) -> Complex:
+    """r with what a source at a distance kd adds to a plane wave near grazing: r + (1 − r) F(w)·metal, (p,).
+
+    F(w) = 1 + i√π w exp(−w²) erfc(−iw), w = √(ikd/2) (cos θ + admittance) (Sommerfeld 1909; Chien and Soroka 1975): a
+    good conductor takes H along its surface as a perfect one does up to distances of some |n|² wavelengths, where plane
+    waves at grazing incidence would be extinguished, r = −1. The formula is for surfaces that respond locally; `metal`,
+    |r| at normal incidence, lets the correction fade for media that reflect little.
+    """
+    from scipy.special import wofz
+
+    w = np.sqrt(0.5j * kd) * (cosine + admittance)
+    return r + (1 - r) * (1 + 1j * np.sqrt(np.pi) * w * wofz(w)) * metal
