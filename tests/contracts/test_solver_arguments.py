@@ -26,5 +26,11 @@ def test_waves(name, value):
         vg.wave.Kirchhoff(**{name: value})
 
 
+@pytest.mark.parametrize(("name", "value"), [*WAVES[:4], ("polarisation", "s"), ("wavelength_nm", "blue")])
+def test_full_wave(name, value):
+    with pytest.raises(InputError, match=name):
+        vg.wave.FullWave(**{name: value})
+
+
 def test_whole_numbers_may_be_floats():
     assert vg.geometric.RayOptics(rays=1e5).rays == 100_000

@@ -36,7 +36,7 @@ def sound(data: xr.Dataset, residual: float = 1e-8) -> list[str]:
 @MATERIALS
 def test_deep_narrow_grooves(made):
     """Depth ten times the width: 3 µm deep, 0.3 µm wide."""
-    data = FullWave(made, [550.0]).orders(lamellar(0.6, 3.0, 0.5, 20), [20.0])
+    data = FullWave(made, [550.0], polarisation="TM").orders(lamellar(0.6, 3.0, 0.5, 20), [20.0])
     sound(data)
     assert np.abs(data.energy_balance.values - 1).max() < 1e-3
 
@@ -58,8 +58,7 @@ def test_wood_anomaly(made):
     assert found[500.0].condition_number.max() > 10 * found[499.9999].condition_number.min()
 
 
-@pytest.mark.parametrize("made", ["perfect", "Al"])
-@pytest.mark.parametrize("gap_nm", [10, 1])
+@pytest.mark.parametrize(("made", "gap_nm"), [("perfect", 1), ("perfect", 10), ("Al", 1)])
 def test_walls_that_nearly_touch(made, gap_nm):
     samples = 1000 // gap_nm
     data = FullWave(made, [550.0]).orders(lamellar(1.0, 0.5, 1 - 1 / samples, samples), [10.0])
@@ -112,8 +111,8 @@ def test_corners_of_finite_profiles():
     gonio = vg.measure.Gonioreflectometer([0.0], np.arange(-80, 81, 20), coherence_um=0.25)
     steps = vg.surface.Heightfield([0.2 * (np.arange(6) % 2)], pitch_um=0.25, interpolation="nearest")
     kinks = vg.surface.Heightfield([0.2 * (np.arange(6) % 2)], pitch_um=0.25, interpolation="linear")
-    for row in (steps, kinks):
-        data = gonio.measure(row, FullWave("perfect", [550.0], windows=1))
+    for row, p in ((steps, "TE"), (kinks, "TM")):
+        data = gonio.measure(row, FullWave("perfect", [550.0], polarisation=p, windows=1))
         sound(data)
         # a window of λ/2 on four ridges: some of the light runs along them and leaves past the ends
         assert np.abs(data.energy_balance.values - 1).max() < 1e-3 + float(data.energy_lost.max())

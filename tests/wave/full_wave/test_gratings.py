@@ -150,6 +150,8 @@ def test_refusals():
     gonio = vg.measure.Gonioreflectometer([0.0], [0.0])
     with pytest.raises(InputError, match="varies along y"):
         gonio.measure(rough, solver)
+    with pytest.raises(InputError, match="turn it by 90°"):
+        gonio.measure(vg.surface.Heightfield(sinusoid(0.1).z.T, 0.01), solver)
     with pytest.raises(InputError, match="not periodic"):
         solver.orders(rough.replace(z=rough.z[:1], periodic=False), [0.0])
     with pytest.raises(InputError, match="phi_i_deg"):

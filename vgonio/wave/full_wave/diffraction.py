@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -142,12 +143,14 @@ def scattered(
     wavelength_nm: float,
     polarisations: tuple[str, ...],
     sign: float,
+    tell: Callable[[float], None],
 ) -> Outcome:
     """One wavelength of `scatter`: every order a Gaussian lobe, as wide as the coherence window diffracts.
 
     Efficiencies are those of the middle of the beam's spectrum, and the mean over all places of the window.
     """
     table, error = solved(solver, surface, sign * radians(incoming.theta_deg), wavelength_nm, polarisations)
+    tell(1.0)
     k, taper = 2 * np.pi / float(nm_to_um(wavelength_nm)), taper_of(incoming, surface)
     brdf = np.stack(
         [

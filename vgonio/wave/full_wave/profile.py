@@ -29,6 +29,11 @@ class Resolution:
 def require_profile(surface: Heightfield) -> None:
     """Raise InputError unless the surface is the same for all y, without missing points."""
     surface.require_complete()
+    if not surface.is_profile and bool(np.all(surface.z == surface.z[:, :1])):
+        raise InputError(
+            f"{surface.name or 'the surface'} varies along y alone: the full-wave solver takes profiles along x, turn it "
+            "by 90° (the transposed heights and pitch)"
+        )
     if not surface.is_profile:
         raise InputError(
             f"{surface.name or 'the surface'} varies along y: the full-wave solver takes one-dimensional profiles, "

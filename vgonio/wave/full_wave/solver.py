@@ -89,10 +89,13 @@ class FullWave:
         sign = _azimuth(incoming)
         outcomes = []
         for n, wavelength in enumerate(self.wavelength_nm):
+
+            def tell(part: float, done: int = n) -> None:
+                if self.progress is not None:
+                    self.progress((done + part) / len(self.wavelength_nm))
+
             solve = diffraction.scattered if surface.periodic else windows.scattered
-            outcomes.append(solve(self, surface, incoming, detector, wavelength, polarisations, sign))
-            if self.progress is not None:
-                self.progress((n + 1) / len(self.wavelength_nm))
+            outcomes.append(solve(self, surface, incoming, detector, wavelength, polarisations, sign, tell))
         data = self._dataset(outcomes, surface, incoming, detector, polarisations)
         data.attrs["seconds"] = time.perf_counter() - start
         return data

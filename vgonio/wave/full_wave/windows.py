@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -51,6 +52,7 @@ def scattered(
     wavelength_nm: float,
     polarisations: tuple[str, ...],
     sign: float,
+    tell: Callable[[float], None],
 ) -> Outcome:
     """One wavelength: the mean over windows; the panels are converged in the middle window, and serve all others."""
     wavelength, index = float(nm_to_um(wavelength_nm)), solver.index(wavelength_nm)
@@ -78,8 +80,11 @@ def scattered(
         brdf = means(found)[0]
         return brdf.reshape(-1, brdf.shape[-1]), found, 0.0
 
-    _, middle, error = effort.converged(run, solver.tol)
-    every = [middle if n == len(middles) // 2 else window(n, max(rounds)) for n in range(len(middles))]
+    _, middle, error = effort.converged(run, solver.tol, lambda part: tell(part / (len(middles) + 1)))
+    every = []
+    for n in range(len(middles)):
+        every.append(middle if n == len(middles) // 2 else window(n, max(rounds)))
+        tell((n + 1) / len(middles))
     pairs = [means(found) for found in every]
     brdf = np.stack([p[0] for p in pairs])
     if len(middles) > 1:
