@@ -80,6 +80,31 @@ def test_x_rays_need_too_many_points_and_say_so():
         measure(surface(), wavelength=1.0)
 
 
+def test_x_rays_through_a_small_window():
+    """λ = 1 nm, a facet tilted by 5.7° under a window of 0.1 µm: one lobe, in its mirror direction."""
+    solver = vg.wave.Kirchhoff("perfect", [1.0], tol=1e-2, windows=1)
+    tilted = surface(interpolation="linear")
+    tilted = tilted.replace(z=0 * tilted.z + 0.1 * tilted.x, periodic=False)
+    mirror = -30 + 2 * np.degrees(np.arctan(-0.1))
+    gonio = vg.measure.Gonioreflectometer([30], [mirror - 1, mirror, mirror + 1], aperture_deg=1e-3, coherence_um=0.1)
+    data = gonio.measure(tilted, solver)
+    assert data.attrs["error_achieved"] <= 1e-2
+    found = data.brdf.values.ravel()
+    assert found[1] > 1e3 * max(found[0], found[2])
+
+
+def test_a_thousand_wavelengths_of_roughness():
+    """σ/λ = 1000 on a profile: finite, not negative, to the tolerance."""
+    z = np.tile(surface().z[:1], (2, 1))
+    field = Heightfield(z / z.std() * 0.2, 0.5, periodic=True)
+    gonio = vg.measure.Gonioreflectometer([30], [-50, -40, -30, -20, -10], aperture_deg=1e-3, coherence_um=0.3)
+    data = gonio.measure(field, vg.wave.Kirchhoff("perfect", [0.2], tol=1e-2, windows=2))
+    assert np.all(np.isfinite(data.brdf))
+    assert float(data.brdf.min()) >= 0
+    assert float(data.brdf.max()) > 0
+    assert data.attrs["error_achieved"] <= 1e-2
+
+
 def test_windows_smaller_than_the_wavelength_and_larger_than_the_sample():
     small = vg.surface.gaussian(rms_um=0.1, correlation_um=1, shape=(12, 12), pitch_um=0.25, seed=1)
     measure(small, coherence_um=0.2)
