@@ -37,7 +37,7 @@ def doctor(as_json: Json = False, threads: Threads = None, quiet: Quiet = False)
     Example: vgonio doctor
     """
     findings: list[Finding] = []
-    for probe in (_python, _libraries, _embree, _opencl, _finufft, _machine, _chromium, _extras):
+    for probe in (_python, _libraries, _embree, _opencl, _finufft, _machine, _chromium, _extras, _renderer):
         findings += _safely(probe)
     if as_json:
         print_json([asdict(f) for f in findings])
@@ -83,6 +83,20 @@ def _extras() -> list[Finding]:
         Finding(name, "ok" if v else "optional, missing", v or f"pip install 'vgonio[{OPTIONAL[name]}]'")
         for name, v in found.items()
     ]
+
+
+RENDERER = """
+from vgonio.render import choose
+chosen = choose()
+print(f"{chosen.variant}: {chosen.why}")
+"""
+
+
+def _renderer() -> list[Finding]:
+    if _version("mitsuba") is None:
+        return []
+    worked, text = in_subprocess(RENDERER)
+    return [Finding("Mitsuba choice", "ok" if worked else "failed", text)]
 
 
 def in_subprocess(code: str, seconds: float = 120.0) -> tuple[bool, str]:
