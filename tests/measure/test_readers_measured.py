@@ -116,6 +116,15 @@ def test_netcdf_round_trip(tmp_path, dataset):
         readers.read(tmp_path / "two.nc")
 
 
+def test_a_dataset_saved_by_itself_opens_again(tmp_path, dataset):
+    """Its seconds are a number, as the gonioreflectometer leaves them; a scene's are JSON."""
+    from vgonio.measure import storage
+
+    tree = storage.open(storage.save(dataset.assign_attrs(seconds=1.5), tmp_path / "one.nc"))
+    assert float(tree.attrs["seconds"]) == 1.5
+    np.testing.assert_array_equal(tree.to_dataset().brdf, dataset.brdf)
+
+
 @pytest.mark.parametrize(
     "content, message",
     [

@@ -57,7 +57,8 @@ def open(path: str | os.PathLike[str]) -> xr.DataTree:
     if loaded is None:
         raise FileFormatError(f"{path} is not a NetCDF-4 file ({reason})")
     require_ours(loaded.attrs, path)
-    _require_json(loaded.attrs, path)
+    # a dataset saved by itself has its seconds as a number, a scene's result those of its parts as JSON
+    _require_json(loaded.attrs, [n for n in JSON_ATTRIBUTES if n != "seconds" or "brdf" not in loaded.data_vars], path)
     for node in loaded.subtree:
         if "brdf" in node.data_vars:
             check(node.to_dataset(), f"{path}, group {node.path}")
@@ -83,10 +84,10 @@ def _loaded(path: Path) -> tuple[xr.DataTree | None, str]:
         sys.unraisablehook = hook
 
 
-def _require_json(attrs: dict[Any, Any], path: Path) -> None:
-    for name in set(JSON_ATTRIBUTES) & set(attrs):
+def _require_json(attrs: dict[Any, Any], names: list[str], path: Path) -> None:
+    for name in set(names) & set(attrs):
         try:
-            json.loads(str(attrs[name]))  # a dataset of its own has its seconds as a number
+            json.loads(attrs[name])
         except (TypeError, ValueError):
             raise FileFormatError(f"{path}: the attribute {name!r} is not JSON text: the file is damaged") from None
 
