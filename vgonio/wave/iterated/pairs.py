@@ -41,12 +41,12 @@ class Grid:
 
 
 @lru_cache(maxsize=16)
-def _program(sides: int, most: int, perfect: bool, count: bool) -> Any:
+def _program(sides: int, most: int, perfect: bool) -> Any:
     import pyopencl as cl
 
     device = opencl.device()
     options = [f"-DWIDTH={WIDTH}", f"-DSIDES={sides}", f"-DMOST={most}"]
-    options += ["-DPERFECT"] * perfect + ["-DCOUNT"] * count
+    options += ["-DPERFECT"] * perfect
     source = files("vgonio.wave").joinpath("kernels/pairs.cl").read_text()
     try:
         return cl.Program(device.context, source).build(options=options)
@@ -63,17 +63,18 @@ def _padded(a: Floats, columns: int, value: float) -> Singles:
 
 
 def reflect_opencl(
-    grid: Grid, source: Floats, k: float, index: complex | None, progress: Callable[[float], None] | None = None,
-    count: bool = False,
-) -> Floats:  # fmt: skip
-    """(sides, 12, ny, nx) what arrives and is reflected once more, per unit area of the surface; with `count` the
-    number of points that each point sees, in [0, 0]. index : n + ik, None for a perfect conductor."""
+    grid: Grid, source: Floats, k: float, index: complex | None, progress: Callable[[float], None] | None = None
+) -> Floats:
+    """(sides, 12, ny, nx) what arrives and is reflected once more, per unit area of the surface.
+
+    k : rad/µm;  index : n + ik, None for a perfect conductor. Raises BackendError without an OpenCL device.
+    """
     import pyopencl as cl
 
     device, (rows, columns) = opencl.device(), grid.shape
     sides = len(source)
     most = 64 * -(-max(rows, columns) // 64) + WIDTH
-    kernel = cl.Kernel(_program(sides, most, index is None, count), "pairs")
+    kernel = cl.Kernel(_program(sides, most, index is None), "pairs")
     read = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
     arrays = [
         _padded(a, columns, v) for a, v in ((grid.z - grid.z.mean(), FAR_BELOW), (grid.normal, 0.0), (source, 0.0))
@@ -102,7 +103,7 @@ def horizon_map(z: Floats, margin: int, pitch: float, azimuth: Floats) -> Single
 
     device, (high, wide) = opencl.device(), z.shape
     rows, columns = high - 2 * margin, wide - 2 * margin
-    kernel = cl.Kernel(_program(1, 64, True, False), "horizons")
+    kernel = cl.Kernel(_program(1, 64, True), "horizons")
     read = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
     heights = np.ascontiguousarray(np.nan_to_num(z, nan=FAR_BELOW).astype(np.float32))
     turns = np.ascontiguousarray(np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1).astype(np.float32))

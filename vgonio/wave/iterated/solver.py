@@ -19,17 +19,16 @@ from ...surface.heightfield import Heightfield
 from ...units import wavenumber
 from .. import opencl
 from ..coherence import Window
-from ..quadrature import Floats
 from .beam import BEAMS, Beam
 from .far_field import directions
 from .far_patch import patch_orders
 from .limits import limits
+from .outcome import check_patch, check_series, mean, stacked, with_mueller
 from .place import Places
 from .profile import WEIGHTS, Light, Orders, Stretch, reflect
 from .second_hits import second_hits
 
 COARSER = 1.5  # spacing of points in the check of their number, relative to that used
-GROWING = 0.9  # power of one order over that before from which on the series counts as not converging
 Progress = Callable[[float], None]
 MOST_BOUNCES = 50
 
@@ -108,11 +107,13 @@ class IteratedKirchhoff:
         if reasons:
             warnings.warn("iterated Kirchhoff: " + "; ".join(reasons), VgonioWarning, stacklevel=2)
         if self.polarised:
-            data = _with_mueller(data, found, places)
+            data = with_mueller(data, found, places)
+        if self.bounces > 1:
+            check_patch(data)
         if not self.energy:
             data = data.drop_vars([n for n in data.data_vars if str(n).startswith("energy")])
         else:
-            self._check_series(data)
+            check_series(data, self.tol)
         data.attrs |= {
             "error_achieved": error,
             "error_estimate": f"largest change of brdf, relative to its maximum, with points {COARSER:g} times wider "
@@ -192,7 +193,7 @@ class IteratedKirchhoff:
                 spectrum.append(one(window, w, per, report))
                 report(1.0)
                 done += 1
-            found.append(_stacked(spectrum))
+            found.append(stacked(spectrum))
         rough = one(places.windows[0], self.wavelength_nm[0], per / COARSER, lambda f: None)
         fine = found[0].brdf[-1, : len(rough.energy[0]), :, 0]
         found[0] = replace(found[0], sight_error=rough.sight_error)
@@ -202,7 +203,7 @@ class IteratedKirchhoff:
     def _dataset(
         self, surface: Heightfield, incoming: Incoming, detector: Detector, places: Places, found: list[Orders]
     ) -> xr.Dataset:
-        (mean, stderr), (energies, _) = (_mean(found, places, n) for n in ("brdf", "energy"))
+        (brdf, stderr), (energies, _) = (mean(found, places, n) for n in ("brdf", "energy"))
         over = ("theta_i", *detector.dims, "wavelength")
         bounce = np.arange(1, self.bounces + 1)
         hits = [
@@ -210,10 +211,10 @@ class IteratedKirchhoff:
             for wi in incoming.vectors
         ]
         variables: dict[str, tuple[tuple[str, ...], Any]] = {
-            "brdf": (over, mean[-1]),
+            "brdf": (over, brdf[-1]),
             "brdf_stderr": (over, stderr[-1]),
-            "brdf_by_bounce": (("bounce", *over), mean[:-1]),
-            "brdf_interference": (over, mean[-1] - mean[:-1].sum(axis=0)),
+            "brdf_by_bounce": (("bounce", *over), brdf[:-1]),
+            "brdf_interference": (over, brdf[-1] - brdf[:-1].sum(axis=0)),
             "energy_by_bounce": (("theta_i", "bounce", "wavelength"), energies[:-1].swapaxes(0, 1)),
             "energy_interference": (("theta_i", "wavelength"), energies[-1] - energies[:-1].sum(axis=0)),
             "energy_reflected": (("theta_i", "wavelength"), energies[-1]),
@@ -262,58 +263,6 @@ class IteratedKirchhoff:
             "seed": self.seed,
             "versions": versions(),
         }  # fmt: skip
-
-    def _check_series(self, data: xr.Dataset) -> None:
-        """Warn where the last order still sends out more than `tol` and hardly less than the one before."""
-        done = int(data.attrs["bounces_done"])
-        if done < 3:  # of two orders the second may well be the stronger
-            return
-        by = data["energy_by_bounce"].values
-        last, before = by[:, done - 1], by[:, done - 2]
-        bad = (last > self.tol * by.sum(axis=1)) & (last > GROWING * before)
-        if bad.any():
-            warnings.warn(
-                f"iterated Kirchhoff does not converge: reflection {done} sends out {float(last[bad].max()):.2g} of "
-                f"the incident power, {float(np.max(last[bad] / before[bad])):.2g} times as much as the one before",
-                VgonioWarning,
-                stacklevel=3,
-            )
-
-
-def _mean(found: list[Orders], places: Places, name: str) -> tuple[Floats, Floats]:
-    """Mean over windows of a variable and its standard error: power sent out over power received, each summed.
-
-    The standard error is that of a ratio of means; one window says nothing of it: NaN.
-    """
-    values, caught = np.stack([getattr(o, name) for o in found]), np.stack([o.caught for o in found])
-    if values.ndim == 5:
-        caught = caught[:, None, :, None]
-    else:
-        caught = caught[:, None]
-    share = np.maximum(caught.mean(axis=0), 1e-300)
-    mean = values.mean(axis=0) / share
-    if len(found) < 2:
-        return mean, np.full(mean.shape, np.nan)
-    left = (values - mean * caught) / share
-    return mean, np.sqrt(np.sum(left**2, axis=0) / (len(found) - 1) / places.independent)
-
-
-def _with_mueller(data: xr.Dataset, found: list[Orders], places: Places) -> xr.Dataset:
-    """With Mueller matrices (…, stokes_out, stokes_in) of the coherent sum."""
-    over = (*data.brdf.dims, "stokes_out", "stokes_in")
-    for name, a in zip(("mueller", "mueller_stderr"), _mean(found, places, "mueller")):
-        data[name] = (over, np.moveaxis(a, 0, -1).reshape(*a.shape[1:], 4, 4))
-    return label(data.assign_coords(stokes_out=list("IQUV"), stokes_in=list("IQUV")))
-
-
-def _stacked(spectrum: list[Orders]) -> Orders:
-    return Orders(
-        np.stack([o.brdf for o in spectrum], axis=-1),
-        np.stack([o.energy for o in spectrum], axis=-1),
-        max(o.used for o in spectrum),
-        np.stack([o.mueller for o in spectrum], axis=-1),
-        np.stack([o.caught for o in spectrum], axis=-1),
-    )
 
 
 def _positive(name: str, value: Any, unit: str, least: float = 0.0) -> None:

@@ -10,7 +10,7 @@
 // its components are E_s = ik'G (B.s - A.p), E_p = ik'G (A.s + B.p), and the tangent plane makes
 //   n x E = (1 - r_p) c E_p s + (1 + r_s) E_s t,   n x H = (1 - r_s) c E_s s - (1 + r_p) E_p t,   t = n x s.
 //
-// Host defines: WIDTH, SIDES (number of incident fields), MOST (cells along the longer side, at least), PERFECT, COUNT.
+// Host defines: WIDTH, SIDES (number of incident fields), MOST (cells along the longer side, at least), PERFECT.
 
 #define JOIN2(a, b) a##b
 #define JOIN(a, b) JOIN2(a, b)
@@ -71,9 +71,6 @@ inline void reflected(const Point o, const Point q, const float rx, const float 
     const IVEC pair = seen & (leaving > 1e-6f) & (c > 1e-6f);
     if (!any(pair))
         return;
-#ifdef COUNT
-    acc[0] += select((VEC)(0.0f), (VEC)(1.0f), pair);
-#else
     VEC co, si;
     turn((1.0f / inverse) * (k * 0.15915494309189535f), &co, &si);
     const VEC front = select((VEC)(0.0f), inverse * (area * 0.07957747154594767f), pair);
@@ -120,7 +117,6 @@ inline void reflected(const Point o, const Point q, const float rx, const float 
         a[8] += mr * sy + wr2 * ty, a[9] += mi * sy + wi2 * ty;
         a[10] += mr * sz + wr2 * tz, a[11] += mi * sz + wi2 * tz;
     }
-#endif
 }
 
 __kernel void pairs(
