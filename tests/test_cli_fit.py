@@ -120,3 +120,14 @@ def test_bad_usage(small, tmp_path, monkeypatch, capsys, arguments, words):
     assert words in captured.err
     assert len(captured.err.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_json_stays_json_with_figures_and_broken_physics_is_noted(tmp_path, capsys):
+    """A slope that turns the spectrum over: the fit finds it, and says that the model is negative there."""
+    angles = np.arange(-80, 81, 20)
+    data = models.evaluate("clausen-2022", [0, 40, 80], angles, [400, 500, 600, 700, 780], alpha=0.3, h=4e-3, w=3.0)
+    readers.write(data, tmp_path / "steep.json")
+    assert run("fit", tmp_path / "steep.json", "--model", "clausen-2022", "--json", "--figures", tmp_path / "f") == 0
+    row = json.loads(capsys.readouterr().out)["models"][0]
+    assert "h = 0.004" in row["parameters"]
+    assert any("of the incident power" in note or "is negative" in note for note in row["notes"])

@@ -79,7 +79,7 @@ def fit(
         raise InputError("two-shifts needs the share of single reflections: give --rays RESULT.nc of the same surface")
     if output is not None:
         _check_output(output, len(samples) * len(names))
-    from ..compare import fit_models, model_table
+    from ..compare import broken_physics, fit_models, model_table
 
     options: dict[str, Any] = {"exponent": exponent, "wavelength_range": limits, "errors": errors}
     options["only_where_known"] = {"wavelength_n_nm": wavelength_n, "single_share": traced}
@@ -92,6 +92,8 @@ def fit(
         for row in _shift_rows(name, found, reflector, number, wavelength_n, limits, traced)
     ]
     table = model_table(samples, fits, scale)
+    for row in table:
+        row["notes"] += broken_physics(fits[row["sample"]][row["model"]])
     looks = [row for name, found in fits.items() for row in _looks(name, found)]
     if output is not None:
         _save(fits, output)
@@ -109,8 +111,8 @@ def fit(
             say(f"{row['sample']}, {row['model']}: {note}")
     if output is not None:
         say(f"fits: {output}")
-    for path in drawn:
-        say(f"figure: {path}")
+    for line in drawn:
+        say(line)
 
 
 def _list(as_json: bool) -> None:
@@ -221,21 +223,22 @@ def _save(fits: Any, output: Path) -> None:
     storage.save(xr.DataTree.from_dict(groups), path)
 
 
-def _draw(folder: Path, samples: Any, fits: Any, reflector: Any, p: Any, wavelength_n: float, scale: str) -> list[Path]:
-    """The figures that the data allow, as PNG; those they do not are said."""
+def _draw(folder: Path, samples: Any, fits: Any, reflector: Any, p: Any, wavelength_n: float, scale: str) -> list[str]:
+    """Draw the figures that the data allow, as PNG; returns a line on each, drawn or not."""
     from ..compare import fit_global_shift, fit_local_shift
     from ..report import figures
 
     folder.mkdir(parents=True, exist_ok=True)
-    slopes, drawn = {}, []
+    slopes: dict[str, Any] = {}
+    drawn: list[str] = []
 
     def keep(name: str, make: Any) -> None:
         try:
             path = folder / f"{name}.png"
             make().savefig(path, dpi=150)
-            drawn.append(path)
+            drawn.append(f"figure: {path}")
         except VgonioError as e:
-            say(f"not drawn, {name}: {e}")
+            drawn.append(f"not drawn, {name}: {e}")
 
     def slope_of(data: Any) -> Any:
         local = fit_local_shift(data, reflector, p, wavelength_n)
@@ -248,7 +251,7 @@ def _draw(folder: Path, samples: Any, fits: Any, reflector: Any, p: Any, wavelen
         try:
             slopes[name] = slope_of(data)
         except VgonioError as e:
-            say(f"not drawn, slopes of {name}: {e}")
+            drawn.append(f"not drawn, slopes of {name}: {e}")
     if slopes:
         keep("slopes", lambda: figures.shift_slopes(slopes))
     return drawn

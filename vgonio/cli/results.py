@@ -64,6 +64,8 @@ def compare(
         print_table("Appearance", list(covered[0]), [list(r.values()) for r in covered])
     if shares:
         print_table("Explained share of the reference's shift", list(shares[0]), [list(r.values()) for r in shares])
+    if figures is not None and (figures / "explained.png").is_file():
+        say(f"figure: {figures / 'explained.png'}")
 
 
 def _appearance(name: str, data: Any) -> list[dict[str, Any]]:
@@ -89,7 +91,6 @@ def _explained(data: dict[str, Any], reference: str, reflector: Any, figures: Pa
 
         figures.mkdir(parents=True, exist_ok=True)
         explained(found).savefig(figures / "explained.png", dpi=150)
-        say(f"figure: {figures / 'explained.png'}")
     rows = []
     for i, name in enumerate(found["explanation"].values):
         share, error, sigma = (float(found[k][i]) for k in ("share", "share_stderr", "significance"))

@@ -6,7 +6,7 @@ Importing this package loads neither colour-science nor lmfit; the functions tha
 from .colour import delta_e_2000, rgb_map, xyz
 from .comparison import compare
 from .explained import explained_shares
-from .fit_files import evaluate_fit, fit_parameters, open_fit, save_fit
+from .fit_files import broken_physics, evaluate_fit, fit_parameters, open_fit, save_fit
 from .gloss import gloss, haze
 from .metrics import align, nrmse, nse, rmse
 from .model_fit import fit_model
@@ -19,6 +19,7 @@ from .two_shift_fit import fit_two_shifts, single_share
 __all__ = [
     "align",
     "appearance",
+    "broken_physics",
     "compare",
     "delta_e_2000",
     "evaluate_fit",

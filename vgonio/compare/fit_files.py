@@ -15,7 +15,7 @@ from ..directions import Detector, wavelength_list
 from ..errors import FileFormatError, InputError
 from ..files import written_whole
 from ..measure import storage
-from ..models import evaluate, find
+from ..models import evaluate, find, physics
 
 FORMAT = "vgonio fit"
 
@@ -52,6 +52,14 @@ def evaluate_fit(
     return evaluate(
         str(fit.attrs["model"]), theta_i_deg, theta_o_deg, wavelength_nm, **fit_parameters(fit, wavelength_nm)
     )
+
+
+def broken_physics(fit: xr.Dataset) -> list[str]:
+    """Where the fitted model breaks energy, reciprocity or positivity, at three of its wavelengths."""
+    w = fit["wavelength"].values
+    chosen = np.unique(w[[0, w.size // 2, -1]])
+    found = physics(str(fit.attrs["model"]), chosen, **fit_parameters(fit, chosen))
+    return [f"the fitted model {sentence}" for sentence in json.loads(found.attrs["broken"])]
 
 
 def save_fit(fit: xr.Dataset, path: str | os.PathLike[str]) -> Path:

@@ -140,7 +140,7 @@ def explained(shares: xr.Dataset) -> Figure:
     for y, value, e in zip(place, share, error):
         digits = 0 if e >= 1 else 1
         text = f"{value:.{digits}f} ± {e:.{digits}f} %".replace("-", "−")
-        ax.text(max(value, 0) + e + 0.02 * (high - low), y, text, va="center", fontsize=8.5)
+        ax.text(max(value + e, 0) + 0.02 * (high - low), y, text, va="center", fontsize=8.5)
     ax.axvline(0, color=MUTED, lw=0.8)
     ax.grid(axis="y", visible=False)
     ax.set_xlabel("explained share of the measured slopes (%)")
