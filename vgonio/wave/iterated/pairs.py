@@ -19,6 +19,7 @@ from ...errors import BackendError
 from ...materials import fresnel
 from .. import opencl
 from ..quadrature import Floats
+from .propagate import near_grazing
 
 WIDTH = 8
 FAR_BELOW = -1e6
@@ -46,13 +47,28 @@ def _program(sides: int, most: int, perfect: bool) -> Any:
 
     device = opencl.device()
     options = [f"-DWIDTH={WIDTH}", f"-DSIDES={sides}", f"-DMOST={most}"]
-    options += ["-DPERFECT"] * perfect
+    if perfect:
+        options.append("-DPERFECT")
+    else:
+        scale, series = faddeeva_series()
+        listed = ",".join(f"{a:.9e}f" for a in series)
+        options += [f"-DTERMS={len(series)}", f"-DSCALE={scale:.9e}f", f"-DFADDEEVA={listed}"]
     source = files("vgonio.wave").joinpath("kernels/pairs.cl").read_text()
     try:
         return cl.Program(device.context, source).build(options=options)
     except cl.Error as e:
         line = next((s for s in str(e).splitlines() if "error" in s.lower()), str(e).splitlines()[0])
         raise BackendError(f"the kernel of pairs does not build on {device.name}: {line.strip()}") from None
+
+
+def faddeeva_series(terms: int = 16) -> tuple[float, Floats]:
+    """Scale L and coefficients (terms,), highest power first, of Weideman's (1994) series: in the upper half plane
+    W(z) = 2 p(Z)/(L − iz)² + 1/(√π (L − iz)), Z = (L + iz)/(L − iz); 16 terms are right to 1e-6."""
+    scale = np.sqrt(terms / np.sqrt(2))
+    t = scale * np.tan(np.arange(-2 * terms + 1, 2 * terms) * np.pi / (4 * terms))
+    f = np.concatenate([[0.0], np.exp(-(t**2)) * (scale**2 + t**2)])
+    a = np.fft.fft(np.fft.fftshift(f)).real / (4 * terms)
+    return float(scale), a[1 : terms + 1][::-1]
 
 
 def _padded(a: Floats, columns: int, value: float) -> Singles:
@@ -83,7 +99,8 @@ def reflect_opencl(
     out = np.zeros(arrays[2].shape, np.float32)
     result = cl.Buffer(device.context, cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR, hostbuf=out)
     eps = 1.0 if index is None else complex(index) ** 2
-    numbers = [np.float32(v) for v in (grid.pitch, k, np.real(eps), np.imag(eps), float(arrays[0].max()))]
+    metal = 1.0 if index is None else abs((index - 1) / (index + 1))
+    numbers = [np.float32(v) for v in (grid.pitch, k, np.real(eps), np.imag(eps), metal, float(arrays[0].max()))]
     step = max(1, int(LAUNCH / (columns * grid.z.size)))
     for first in range(0, rows, step):
         size = (-(-columns // WIDTH), min(step, rows - first))
@@ -165,8 +182,8 @@ def reflect_reference(grid: Grid, source: Floats, k: float, index: complex | Non
         u, c, d = u[:, pair], c[pair], d[pair]
         front = (1j * k - 1 / d) * np.exp(1j * k * d) / (4 * np.pi * d) * grid.pitch**2
         a, b = fields[:, 0][..., pair], fields[:, 1][..., pair]
-        electric = front * _cross(u, a - _cross(u, b))
-        found = _tangent_plane(u, c, own, electric, index)
+        parts = front * _cross(u, a), -front * _cross(u, _cross(u, b))
+        found = _tangent_plane(u, c, own, *parts, k * d, index)
         out[:, 0::2, n], out[:, 1::2, n] = found.real, found.imag
     return out
 
@@ -176,16 +193,20 @@ def _cross(u: Floats, a: NDArray) -> NDArray:
     return np.cross(np.broadcast_to(u, a.shape), a, axis=1)
 
 
-def _tangent_plane(u: Floats, c: Floats, own: Floats, electric: NDArray, index: complex | None) -> NDArray:
-    """(sides, 6) sums of n × E and n × H of waves along u (3, n) with fields `electric` (sides, 3, n)."""
-    rs, rp = (-np.ones_like(c), np.ones_like(c)) if index is None else fresnel(c, index)
+def _tangent_plane(
+    u: Floats, c: Floats, own: Floats, from_a: NDArray, from_b: NDArray, kd: Floats, index: complex | None
+) -> NDArray:
+    """(sides, 6) sums of n × E and n × H of waves along u (3, n), whose fields (sides, 3, n) come from A and from B."""
+    one = np.ones(c.shape, np.complex128)
+    rs, rp = (-one, one) if index is None else fresnel(c, index)
     s = np.cross(u, own, axisb=0, axisa=0).T
     s /= np.sqrt(np.sum(s**2, axis=0) + 1e-14)
-    p = np.cross(u, s, axis=0)
-    normal = np.broadcast_to(own[:, None], u.shape)
-    mirrored = u + 2 * c * normal
-    p_out = np.cross(mirrored, s, axis=0)
-    on_s, on_p = np.sum(electric * s, axis=1), np.sum(electric * p, axis=1)
-    total_e = on_s[:, None] * (1 + rs) * s + on_p[:, None] * (p + rp * p_out)
-    total_h = on_s[:, None] * (p + rs * p_out) - on_p[:, None] * (1 + rp) * s
-    return np.concatenate([_cross(normal, total_e).sum(axis=-1), _cross(normal, total_h).sum(axis=-1)], axis=1)
+    p, t = np.cross(u, s, axis=0), np.cross(own[:, None], s, axis=0)
+    admittance = c * (1 - rp) / (1 + rp)
+    metal = 1.0 if index is None else abs((index - 1) / (index + 1))
+    q = near_grazing(rp, c, admittance, kd, metal)
+    on_s = np.sum((from_a + from_b) * s, axis=1)
+    along = (1 + rp) * np.sum(from_a * p, axis=1) + (1 + q) * np.sum(from_b * p, axis=1)
+    electric = (admittance * along)[:, None] * s + ((1 + rs) * on_s)[:, None] * t
+    magnetic = ((1 - rs) * c * on_s)[:, None] * s - along[:, None] * t
+    return np.concatenate([electric.sum(axis=-1), magnetic.sum(axis=-1)], axis=1)

@@ -110,7 +110,7 @@ def pair_operators(
     )
 
 
-def near_grazing(r: Complex, cosine: Floats, admittance: Complex, kd: Floats, metal: Floats) -> Complex:
+def near_grazing(r: Complex, cosine: Floats, admittance: Complex, kd: Floats, metal: Floats | float) -> Complex:
     """r with what a source at a distance kd adds to a plane wave near grazing: r + (1 − r) F(w)·metal, (p,).
 
     F(w) = 1 + i√π w exp(−w²) erfc(−iw), w = √(ikd/2) (cos θ + admittance) (Sommerfeld 1909; Chien and Soroka 1975): a

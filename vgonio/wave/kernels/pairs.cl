@@ -10,7 +10,11 @@
 // its components are E_s = ik'G (B.s - A.p), E_p = ik'G (A.s + B.p), and the tangent plane makes
 //   n x E = (1 - r_p) c E_p s + (1 + r_s) E_s t,   n x H = (1 - r_s) c E_s s - (1 + r_p) E_p t,   t = n x s.
 //
-// Host defines: WIDTH, SIDES (number of incident fields), MOST (cells along the longer side, at least), PERFECT.
+// For penetrable media the part of E_p that comes from B is received with Q in place of r_p (Sommerfeld; see
+// propagate.near_grazing), Q = r_p + (1 - r_p) F(w) metal, F(w) = 1 + i sqrt(pi) w W(w), W the Faddeeva function, w =
+// sqrt(i k d / 2) (c + beta), beta = (1 - r_p) c/(1 + r_p). W by Weideman's (1994) rational series.
+//
+// Host defines: WIDTH, SIDES (number of incident fields), MOST (cells along the longer side, at least), PERFECT; FADDEEVA (coefficients, highest power first), TERMS, SCALE.
 
 #define JOIN2(a, b) a##b
 #define JOIN(a, b) JOIN2(a, b)
@@ -56,21 +60,59 @@ inline void quotient(const VEC ar, const VEC ai, const VEC br, const VEC bi, VEC
     *re = (nr * dr + ni * di) * inverse;
     *im = (ni * dr - nr * di) * inverse;
 }
+
+__constant float series[TERMS] = {FADDEEVA};
+
+// Faddeeva's function of x + iy, y >= 0
+inline void faddeeva(const VEC x, const VEC y, VEC *re, VEC *im)
+{
+    // (SCALE + iz)/(SCALE - iz)
+    const VEC dr = SCALE + y, di = -x, nr = SCALE - y, ni = x;
+    const VEC inverse = 1.0f / (dr * dr + di * di);
+    const VEC zr = (nr * dr + ni * di) * inverse, zi = (ni * dr - nr * di) * inverse;
+    VEC pr = (VEC)(series[0]), pi = (VEC)(0.0f);
+    for (int n = 1; n < TERMS; ++n) {
+        const VEC t = pr * zr - pi * zi + series[n];
+        pi = pr * zi + pi * zr;
+        pr = t;
+    }
+    const VEC qr = dr * inverse, qi = -di * inverse;     // 1/(SCALE - iz)
+    const VEC sr = 2.0f * (pr * qr - pi * qi) + 0.5641895835f, si = 2.0f * (pr * qi + pi * qr);
+    *re = sr * qr - si * qi;
+    *im = sr * qi + si * qr;
+}
+
+// F(w), Re w >= 0
+inline void sommerfeld(const VEC x, const VEC y, VEC *re, VEC *im)
+{
+    VEC fr, fi;
+    const IVEC below = y < 0.0f;
+    faddeeva(select(x, -x, below), fabs(y), &fr, &fi);
+    if (any(below)) {                                     // W(w) = 2 exp(-w^2) - W(-w)
+        const VEC size = 2.0f * exp(y * y - x * x), angle = -2.0f * x * y;
+        fr = select(fr, size * cos(angle) - fr, below);
+        fi = select(fi, size * sin(angle) - fi, below);
+    }
+    // 1 + i sqrt(pi) w W
+    *re = 1.0f - 1.7724538509f * (x * fi + y * fr);
+    *im = 1.7724538509f * (x * fr - y * fi);
+}
 #endif
 
 // adds what one source column sends to the observers; index: of the first lane's source
 inline void reflected(const Point o, const Point q, const float rx, const float ry, const IVEC seen, const int index,
                       const int plane, __global const float *restrict source, const float k, const float area,
-                      const float er, const float ei, VEC *acc)
+                      const float er, const float ei, const float metal, VEC *acc)
 {
     const VEC rz = o.z - q.z;
     const VEC inverse = rsqrt(rx * rx + ry * ry + rz * rz);
     const VEC ux = rx * inverse, uy = ry * inverse, uz = rz * inverse;
     const VEC leaving = ux * q.nx + uy * q.ny + uz * q.nz;
-    const VEC c = -(ux * o.nx + uy * o.ny + uz * o.nz);
+    VEC c = -(ux * o.nx + uy * o.ny + uz * o.nz);
     const IVEC pair = seen & (leaving > 1e-6f) & (c > 1e-6f);
     if (!any(pair))
         return;
+    c = fmax(c, 1e-6f);                                   // lanes that are no pairs stay finite; their front is 0
     VEC co, si;
     turn((1.0f / inverse) * (k * 0.15915494309189535f), &co, &si);
     const VEC front = select((VEC)(0.0f), inverse * (area * 0.07957747154594767f), pair);
@@ -87,6 +129,13 @@ inline void reflected(const Point o, const Point q, const float rx, const float 
     VEC rs, is, rp, ip;
     quotient(c, (VEC)(0.0f), root_r, root_i, &rs, &is);
     quotient(er * c, ei * c, root_r, root_i, &rp, &ip);
+    const float over = 1.0f / (er * er + ei * ei);
+    const VEC br = (root_r * er + root_i * ei) * over, bi = (root_i * er - root_r * ei) * over;    // root/eps
+    const VEC near = 0.5f * sqrt(k / inverse);            // sqrt(i k d/2) = (1 + i)/2 sqrt(k d)
+    VEC wide_r, wide_i;
+    sommerfeld(near * (c + br - bi), near * (c + br + bi), &wide_r, &wide_i);
+    const VEC q_r = 1.0f + rp + metal * ((1.0f - rp) * wide_r + ip * wide_i);
+    const VEC q_i = ip + metal * ((1.0f - rp) * wide_i - ip * wide_r);
 #endif
     for (int n = 0; n < SIDES; ++n) {
         __global const float *f = source + (size_t)n * 12 * plane;
@@ -105,10 +154,13 @@ inline void reflected(const Point o, const Point q, const float rx, const float 
 #ifdef PERFECT
         const VEC mr = 2.0f * c * Er, mi = 2.0f * c * Ei, wr2 = -2.0f * Pr, wi2 = -2.0f * Pi;
 #else
-        const VEC lr = c * ((1.0f - rp) * Pr + ip * Pi), li = c * ((1.0f - rp) * Pi - ip * Pr);
+        const VEC dr = gr * bpr - gi * bpi, di = gr * bpi + gi * bpr, ar = Pr - dr, ai = Pi - di;
+        const VEC xr = q_r * dr - q_i * di + (1.0f + rp) * ar - ip * ai;
+        const VEC xi = q_r * di + q_i * dr + (1.0f + rp) * ai + ip * ar;
+        const VEC lr = br * xr - bi * xi, li = br * xi + bi * xr;
         const VEC qr = (1.0f + rs) * Er - is * Ei, qi = (1.0f + rs) * Ei + is * Er;
         const VEC mr = c * ((1.0f - rs) * Er + is * Ei), mi = c * ((1.0f - rs) * Ei - is * Er);
-        const VEC wr2 = -((1.0f + rp) * Pr - ip * Pi), wi2 = -((1.0f + rp) * Pi + ip * Pr);
+        const VEC wr2 = -xr, wi2 = -xi;
         a[0] += lr * sx + qr * tx, a[1] += li * sx + qi * tx;
         a[2] += lr * sy + qr * ty, a[3] += li * sy + qi * ty;
         a[4] += lr * sz + qr * tz, a[5] += li * sz + qi * tz;
@@ -122,7 +174,7 @@ inline void reflected(const Point o, const Point q, const float rx, const float 
 __kernel void pairs(
     const int columns, const int rows, const int stride, const int left,   // stride: padded columns, left: padding
     const int first,                                                       // row of the first work-item
-    const float pitch, const float k, const float er, const float ei, const float highest,
+    const float pitch, const float k, const float er, const float ei, const float metal, const float highest,
     __global const float *restrict z,                                      // (rows, stride), far below in the padding
     __global const float *restrict normal,                                 // (3, rows, stride)
     __global const float *restrict source,                                 // (SIDES, 12, rows, stride)
@@ -177,7 +229,7 @@ __kernel void pairs(
                     q.nx = LOAD(0, normal + index);
                     q.ny = LOAD(0, normal + plane + index);
                     q.nz = LOAD(0, normal + 2 * plane + index);
-                    reflected(o, q, -dx, -dy, seen, index, plane, source, k, pitch * pitch, er, ei, acc);
+                    reflected(o, q, -dx, -dy, seen, index, plane, source, k, pitch * pitch, er, ei, metal, acc);
                 }
             }
             if (!any(open))
