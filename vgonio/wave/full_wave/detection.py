@@ -1,7 +1,8 @@
 """From power per direction in the plane of incidence to the BRDF over detector cones and cells.
 
-Across the plane the coherence window spreads the light of a one-dimensional profile as it does that of any surface:
-|window|² is Gaussian in direction cosines, exp(−(kℓ s)²). Power is ∫∫ p(s_x) g(s_y) ds_x ds_y over an element.
+All light of a one-dimensional profile is in the plane: an element catches ∫ p(s_x) ds_x over what it covers of it, as
+for iterated Kirchhoff. (A window of finite width across the plane would let a narrow cone lose light at long
+wavelengths that a rough surface gives back from beside the plane: a shift of the spectrum that is none.)
 """
 
 from __future__ import annotations
@@ -9,14 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.special import erf, erfinv
 
 from ...directions import Detector
 from ...units import radians
 from .panels import Floats, composite
 
 Density = Callable[[Floats], Floats]  # s_x (m,) -> (r, m) power per unit of s_x over incident power
-ACROSS = 24  # directions across the plane, for cells of a hemisphere
 
 
 def element_means(detector: Detector, sign: float, k: float, taper: float, p: Density, rate: float) -> tuple:
@@ -26,8 +25,8 @@ def element_means(detector: Detector, sign: float, k: float, taper: float, p: De
     rate : phase (rad) that p may turn over a unit of s_x
     """
     if detector.kind == "hemisphere":
-        return _cells(detector, sign, k, taper, p, rate)
-    sine, weight, element = _cone_nodes(detector, sign, k * taper, rate)
+        return _cells(detector, sign, p, rate)
+    sine, weight, element = _cone_nodes(detector, sign, rate)
     values = p(sine)
     count = len(detector)
     power = np.array([np.bincount(element, weight * row, count) for row in values])
@@ -40,34 +39,27 @@ def element_means(detector: Detector, sign: float, k: float, taper: float, p: De
     return power / detector.projected_solid_angle, np.sqrt(variance / np.maximum(speckles - 1, 1.0)) * scale
 
 
-def _cone_nodes(detector: Detector, sign: float, width: float, rate: float) -> tuple[Floats, Floats, np.ndarray]:
-    """Nodes s_x over all cones, their weights (what lies across the plane included) and elements.
-
-    A cone is an ellipse of direction cosines, half-axes cos θ sin a along and sin a across the plane."""
+def _cone_nodes(detector: Detector, sign: float, rate: float) -> tuple[Floats, Floats, np.ndarray]:
+    """Nodes s_x from sin(θ − a) to sin(θ + a) of all cones, their weights and elements."""
     a = detector.half_angle
     sine, weight, element = [], [], []
     for i, t in enumerate(radians(detector.theta_deg)):
         half = np.cos(t) * np.sin(a)
         u, w = composite(24 + rate * half * 1.5)
         position = np.sin(u * np.pi / 2)
-        across = erf(width * np.sin(a) * np.sqrt(1 - position**2))
         sine.append(sign * (np.sin(t) * np.cos(a) + half * position))
-        weight.append(w * np.pi / 2 * half * np.cos(u * np.pi / 2) * across)
+        weight.append(w * np.pi / 2 * half * np.cos(u * np.pi / 2))
         element.append(np.full(len(u), i))
     s, w, e = np.concatenate(sine), np.concatenate(weight), np.concatenate(element)
     up = np.abs(s) < 1 - 1e-12
     return s[up], w[up], e[up]
 
 
-def _cells(detector: Detector, sign: float, k: float, taper: float, p: Density, rate: float) -> tuple[Floats, Floats]:
+def _cells(detector: Detector, sign: float, p: Density, rate: float) -> tuple[Floats, Floats]:
     t, w = composite(64 + 1.5 * rate + 4 * len(detector.ring_cells))
     sine, weight = np.sin(t * np.pi / 2), w * np.pi / 2 * np.cos(t * np.pi / 2)
-    across = erfinv(2 * (np.arange(ACROSS) + 0.5) / ACROSS - 1) / (k * taper)
-    sx, sy = (a.ravel() for a in np.meshgrid(sine, across, indexing="ij"))
-    shrink = np.minimum(1.0, (1 - 1e-12) / np.hypot(sx, sy))
-    sx, sy = sx * shrink, sy * shrink
-    direction = np.stack([sx, sy, np.sqrt(np.maximum(1 - sx**2 - sy**2, 0))], axis=1)
+    direction = np.stack([sine, np.zeros_like(sine), np.sqrt(np.maximum(1 - sine**2, 0))], axis=1)
     ray, cell = detector.catch(direction)
-    values = p(sine)[:, ray // ACROSS] * weight[ray // ACROSS] / ACROSS
+    values = p(sine)[:, ray] * weight[ray]
     power = np.array([np.bincount(cell, row, len(detector)) for row in values])
     return power / detector.projected_solid_angle, np.zeros_like(power)

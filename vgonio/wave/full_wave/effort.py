@@ -19,7 +19,9 @@ LAX = 3e-4
 MISSED = 1e-2  # of tol·λ: what panels may miss of the surface in the first solution
 COARSE, FINER = 1.6, 1.5  # longest panel of the first solution in wavelengths; each further one is so much finer
 ROUNDS = 4  # solutions at most
-PER_KERNEL, PER_FLOP = 60e-9, 1 / 2e10  # seconds of a kernel value and of an operation, one core of 2023
+PER_KERNEL, PER_FLOP = 60e-9, 1 / 1.5e10  # seconds of a kernel value and of an operation, one core of 2023
+NEARBY = 1000  # kernel values, for each node, of the panels close to it
+CLEAR = 0.3  # k of a material through which panels further away see each other
 
 T = TypeVar("T")
 
@@ -48,18 +50,20 @@ def resolution(surface: Heightfield, wavelength: float, index: complex | None, t
     if surface.interpolation != "cubic":
         order = max(4, (FEW if tol >= LAX and index is not None else ORDER - 2) + 2 * round_)
     longest = COARSE * order / ORDER * wavelength / inside / FINER**round_
-    return Resolution(longest, MISSED * tol * wavelength / 4**round_, order, round_)
+    return Resolution(longest, MISSED * tol * wavelength / 4**round_, order, round_ + (tol < LAX))
 
 
 def cost(nodes: int, index: complex | None, polarisations: int, incidences: int, periodic: bool) -> Cost:
-    """Of `nodes` points on the profile; a grating has three images and a factorisation for every angle."""
-    size = nodes if index is None else 2 * nodes
+    """Of `nodes` points on the profile; a grating has three images and a factorisation for every angle. The field in an
+    absorbing material is eliminated, that in a transparent one doubles the system."""
+    clear = index is not None and complex(index).imag < CLEAR
     images = 3 if periodic else 1
     kept = images * nodes**2 * (3 if index is None else 4)
-    kernels = images * nodes**2 * (4 if index is None else 8)
+    kernels = images * nodes * (nodes + NEARBY) * (4 if index is None else 8)
     solved = polarisations * (incidences if periodic else 1)
-    flops = solved * 8 / 3 * float(size) ** 3
-    return Cost(size, 16.0 * (kept + 2 * float(size) ** 2), kernels * PER_KERNEL + flops * PER_FLOP)
+    flops = solved * float(nodes) ** 3 * (64 / 3 if clear else 8 / 3 if index is None else 8)
+    held = 16.0 * (kept + 2 * float(nodes) ** 2 * (4 if clear else 1))
+    return Cost(nodes if index is None else 2 * nodes, held, kernels * PER_KERNEL + flops * PER_FLOP)
 
 
 def require_affordable(price: Cost, what: str) -> None:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...surface.heightfield import Heightfield
 from . import panels
 from .panels import Floats, Panels
 
-SHARP = ((0.1, 1), (0.5, 2), (1.2, 3))  # panels shrink so many times towards a kink of at least so many radians
+SHARP = ((0.5, 1), (1.2, 2))  # panels shrink so many times towards a kink of at least so many radians
 
 
 @dataclass(frozen=True)
@@ -31,8 +30,8 @@ def require_profile(surface: Heightfield) -> None:
     surface.require_complete()
     if not surface.is_profile and bool(np.all(surface.z == surface.z[:, :1])):
         raise InputError(
-            f"{surface.name or 'the surface'} varies along y alone: the full-wave solver takes profiles along x, turn it "
-            "by 90° (the transposed heights and pitch)"
+            f"{surface.name or 'the surface'} varies along y alone: the full-wave solver takes profiles along x, turn "
+            "it by 90° (the transposed heights and pitch)"
         )
     if not surface.is_profile:
         raise InputError(
@@ -124,12 +123,4 @@ def _turns(x: Floats, z: Floats, periodic: bool) -> Floats:
 
 def _levels(turn: float, deeper: int) -> int:
     found = max((levels for least, levels in SHARP if abs(turn) >= least), default=0)
-    return found + deeper if found else 0
-
-
-def corners(surface: Heightfield) -> NDArray[np.float64]:
-    """Angles in radians of the kinks along a profile, those of a spline being none."""
-    if surface.interpolation == "cubic":
-        return np.zeros(0)
-    x, z = _without_straight(*_vertices(surface, surface.dx, surface.size_um[1] - surface.dx))
-    return np.abs(_turns(x, z, False)[1:-1])
+    return max(found + deeper, 1) if found else 0
