@@ -65,7 +65,7 @@ def _of_fit(fit: xr.Dataset, cone: float | None) -> xr.DataArray:
         return found.sel(theta_i=theta_i).assign_coords(theta_i=fit["theta_i"].values)
     values = []
     for angle in radians(theta_i):
-        geometry, weight = disc_rule(float(angle), radii=240)
+        geometry, weight = disc_rule(float(angle), radii=160)
         mirror = np.cos(geometry.theta_o) * np.cos(angle) + np.sin(geometry.theta_o) * np.sin(angle) * -np.cos(
             geometry.phi_o
         )
