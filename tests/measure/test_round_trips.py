@@ -436,17 +436,17 @@ def test_lambert_stays_lambert(facets, pairs):
 def test_directions_that_are_no_rings(facets, pairs):
     """Scattered directions, as of a random plan: triangles between them; exact at the directions themselves."""
     brdf = facets(0.6, 0.3)
-    _, wo = pairs(800, 8, 88.0)
-    data = sampled(brdf, [0, 40], resolution_deg=15).isel(cell=np.zeros(800, int)).assign_coords(cell=np.arange(800))
+    _, wo = pairs(300, 8, 88.0)
+    data = sampled(brdf, [0, 40], resolution_deg=15).isel(cell=np.zeros(300, int)).assign_coords(cell=np.arange(300))
     theta, phi = np.degrees(np.arccos(wo[:, 2])), np.degrees(np.arctan2(wo[:, 1], wo[:, 0]))
     data = data.assign_coords(theta_o=("cell", theta), phi_o=("cell", phi))
-    wi = np.tile(unit_vectors(np.radians(40.0)), (800, 1))
+    wi = np.tile(unit_vectors(np.radians(40.0)), (300, 1))
     data.brdf[1] = brdf(wi, wo)
-    data.brdf[0] = brdf(np.tile([0.0, 0.0, 1.0], (800, 1)), wo)
+    data.brdf[0] = brdf(np.tile([0.0, 0.0, 1.0], (300, 1)), wo)
     found = isotropic(data)
     np.testing.assert_allclose(found(wi, wo), brdf(wi, wo), rtol=1e-9)
-    between = pairs(500, 9, 75.0)[1]
-    np.testing.assert_allclose(found(wi[:500], between), brdf(wi[:500], between), rtol=0.05)
+    between = pairs(200, 9, 70.0)[1]
+    np.testing.assert_allclose(found(wi[:200], between), brdf(wi[:200], between), rtol=0.05)
 
 
 def test_hemispheres_keep_lobes_that_move(facets, pairs):

@@ -99,11 +99,15 @@ def _rings(theta: Floats, phi: Floats, f: Floats) -> Callable[[Floats], Floats]:
 def _scattered(theta: Floats, phi: Floats, f: Floats) -> Callable[[Floats], Floats]:
     """Linear over triangles of the azimuthal equidistant map, the nearest value beyond them."""
     from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+    from threadpoolctl import threadpool_limits
 
     half = np.stack([theta * np.cos(phi), theta * np.sin(phi)], axis=1)
     both = np.concatenate([np.ones(len(half), bool), half[:, 1] > SAME_POINT])
     points, values = np.concatenate([half, half * [1, -1]])[both], np.concatenate([f, f])[both]
-    inside, outside = LinearNDInterpolator(points, values), NearestNDInterpolator(points, values)
+    # thousands of 2 × 2 systems: threads that wait for one another make seconds out of milliseconds
+    with threadpool_limits(1, user_api="blas"):
+        inside, outside = LinearNDInterpolator(points, values), NearestNDInterpolator(points, values)
+        _ = inside.tri.transform
 
     def at(w: Floats) -> Floats:
         polar, azimuth = np.arccos(np.clip(w[:, 2], -1, 1)), np.arctan2(w[:, 1], w[:, 0])
