@@ -69,6 +69,7 @@ COMMANDS = [
     ["surface", "make"],
     ["surface", "convert"],
     ["compare"],
+    ["fit"],
     ["report"],
     ["display", "characterise"],
     ["display", "verify"],
@@ -88,7 +89,7 @@ def test_help_has_an_example_and_the_common_options(command, capsys):
 
 
 @pytest.mark.parametrize(
-    "command", [["simulate"], ["plan"], ["surface", "info"], ["compare"], ["doctor"]], ids=" ".join
+    "command", [["simulate"], ["plan"], ["surface", "info"], ["compare"], ["fit"], ["doctor"]], ids=" ".join
 )
 def test_commands_with_a_table_print_json(command, capsys):
     main([*command, "--help"])

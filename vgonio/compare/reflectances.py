@@ -19,7 +19,7 @@ from .gloss import gloss, haze, luminous_weights
 from .metrics import detector_dim, labelled
 
 Floats = NDArray[np.float64]
-SPECULAR_DEG = 2.0  # half-angle of the cone that is specular (ASTM E1048 and F1048 instruments: 2° to 3°)
+SPECULAR_DEG = 2.0  # half-angle of the cone that is specular (instruments after ASTM F1048 leave out 2° to 3°)
 FARTHEST_DEG = 75.0  # in-plane data have to reach so far; the rest is f of the last angle
 _TEXTS = {
     "reflectance": "directional-hemispherical reflectance",

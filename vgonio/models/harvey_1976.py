@@ -1,7 +1,7 @@
 """Harvey's shift-invariant lobe of polished surfaces: k_s(λ) [1 + (|β − β₀|/l)²]^(s/2), also known as ABC.
 
 Harvey, "Light-scattering characteristics of optical surfaces", PhD thesis, University of Arizona 1976; the three
-parameters as Harvey, Choi, Krywonos and Schröder 2009. β and β₀ are direction cosines of the light and of the mirror
+parameters as in Harvey 2009. β and β₀ are direction cosines of the light and of the mirror
 direction, l the shoulder (no unit), s < 0 the slope of the wings on a doubly logarithmic plot. k_s is the value in the
 mirror direction in sr⁻¹, no albedo. An empirical form: reciprocal, but nothing keeps its albedo below 1, and at grazing
 incidence part of the lobe lies below the horizon.
