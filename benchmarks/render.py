@@ -31,7 +31,8 @@ KINDS: dict[str, dict[str, Any]] = {
 
 def machine() -> str:
     threads = os.environ.get("OMP_NUM_THREADS", "all")
-    return f"{platform.processor() or platform.machine()}, {os.cpu_count()} processors, threads {threads}, load {os.getloadavg()[0]:.1f}"  # noqa: E501
+    name = platform.processor() or platform.machine()
+    return f"{name}, {os.cpu_count()} processors, threads {threads}, load {os.getloadavg()[0]:.1f}"
 
 
 def overhead(mi: Any, kind: str, pairs: int, size: int, samples: int) -> dict[str, float]:
@@ -64,7 +65,7 @@ def overhead(mi: Any, kind: str, pairs: int, size: int, samples: int) -> dict[st
 
 def predictions_rate(
     mi: Any, angles: tuple[float, ...], patches: tuple[int, ...], wavelengths: int, samples: int
-) -> dict[str, float]:  # noqa: E501
+) -> dict[str, float]:
     """Seconds of predictions of the virtual Normbox at some angles, and of all 312 at this rate."""
     w = np.linspace(380.0, 780.0, wavelengths)
     box = load({"virtual": {}}).box

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -78,7 +79,8 @@ def test_direct_irradiance_of_the_light(llvm, angle):
 def test_energy_balance_of_the_white_closed_box(llvm):
     """Mean irradiance Φ/((1 − ρ)A) of an enclosure in which everything reflects ρ, within 3 standard errors (0.3 %)."""
     white = lambertian(0.7)
-    scene = Scene(llvm, Box(closed=True, holder_reflectance=0.7), white, white, W, np.ones((25, 4)))
+    box = Box(closed=True, holder_reflectance=0.7, light_points=(1, 1))
+    scene = Scene(llvm, box, white, white, W, np.ones((1, 4)))
     mean, error = closed_forms.mean_irradiance(scene, 500.0, 400_000, seed=5)
     expected = closed_forms.balanced_irradiance(scene, 1.0, 0.7)
     assert abs(mean - expected) < 3 * error
@@ -87,7 +89,7 @@ def test_energy_balance_of_the_white_closed_box(llvm):
 
 def test_open_box_loses_light(llvm):
     white = lambertian(0.7)
-    scene = Scene(llvm, Box(holder_reflectance=0.7), white, white, W, np.ones((25, 4)))
+    scene = Scene(llvm, Box(holder_reflectance=0.7, light_points=(1, 1)), white, white, W, np.ones((1, 4)))
     mean, error = closed_forms.mean_irradiance(scene, 500.0, 100_000)
     assert mean + 10 * error < closed_forms.balanced_irradiance(scene, 1.0, 0.7)
 
@@ -272,11 +274,11 @@ def test_sources_that_are_a_factor(llvm):
     from dataclasses import replace
 
     job = replace(job, wall=wall)
-    options = inputs.ErrorPath(repeats=3, sizes={"geometry": 0.0, "angle": 0.0, "homogeneity": 0.0})
+    options = inputs.ErrorPath(repeats=2, sizes={"geometry": 0.0, "angle": 0.0, "homogeneity": 0.0})
     data = error_path.error_path(llvm, job, options)["deviation"]
     for name in ("emission", "reference"):
         values = data.sel(source=name).values
-        assert 0.003 < values.min() < 0.06
+        assert 1e-3 < values.min() < 0.06
     np.testing.assert_allclose(np.ptp(data.sel(source="emission").values), 0, atol=1e-5)
     for name in ("geometry", "angle", "homogeneity", "interpolation"):  # size 0, or a light without structure
         np.testing.assert_allclose(data.sel(source=name).values, 0, atol=2e-6)
@@ -334,13 +336,9 @@ def edited(path, change):
         ),
         ("normbox.toml", lambda t: t.replace("60.0", "33.0"), "not measured at 33°; its angles are 30, 60, 85"),
         ("normbox.toml", lambda t: t.replace("60.0", "95.0"), "95°"),
-        (
-            "light.csv",
-            lambda t: t.replace("\n3", "\n13").replace("\n4", "\n14").replace("\n5", "\n15"),
-            "do not overlap",
-        ),
+        ("light.csv", lambda t: re.sub(r"\n(\d{3}),", r"\n1\1,", t), "do not overlap"),
         ("reference.csv", lambda t: t.replace(",0.0", ",-0.0", 5), "negative"),
-        ("wall.json", lambda t: t.replace('"phiOut": 180', '"phiOut": 90'), "outside the plane"),
+        ("wall.json", lambda t: re.sub(r'"phiOut": *[0-9.]+', '"phiOut": 90', t), "outside the plane"),
         ("normbox.toml", lambda t: t.replace("samples", "sample"), "did you mean 'samples'"),
         ("normbox.toml", lambda t: t + "\n[virtual]\n", "not both"),
         ("normbox.toml", lambda t: t.replace("clausen-2022", "clausen-2023"), "did you mean 'clausen-2022'"),
@@ -388,7 +386,7 @@ def test_command(tmp_path, capsys):
     capsys.readouterr()
     scene.write_text(
         "[virtual]\nsamples = 16\n[render]\npatches = [4, 22]\nangles_deg = [30, 80]\nwavelengths = 8\nsamples = 8\n"
-        "[errors]\nrepeats = 2\nsamples = 8\nwavelengths = 8\nangles_deg = [30, 80]\n"
+        "[errors]\nrepeats = 1\nsamples = 8\nwavelengths = 8\nangles_deg = [30, 80]\n"
     )
     page = tmp_path / "page.html"
     assert main(["validate", str(scene), "--json", "--report", str(page)]) == 0

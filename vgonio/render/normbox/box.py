@@ -150,10 +150,10 @@ class Scene:
             self.set_angle(self._angle)
             return
         for key, value in sample.bsdf.items():
-            if isinstance(value, dict):
+            if isinstance(value, dict) and "values" in value:  # other textures are part of the kind
                 name = f"sample.bsdf.{key}.values"
                 self.parameters[name] = type(self.parameters[name])([float(x) for x in value["values"].split(",")])
-            elif f"sample.bsdf.{key}" in self.parameters:
+            elif not isinstance(value, dict) and f"sample.bsdf.{key}" in self.parameters:
                 self.parameters[f"sample.bsdf.{key}"] = self.mi.Float(float(value))
         self.parameters.update()
 
@@ -163,7 +163,7 @@ def _kind(sample: Appearance) -> tuple[Any, ...]:
     found = []
     for key, value in sorted(sample.bsdf.items()):
         if isinstance(value, dict):
-            found.append((key, value.get("wavelengths", str(value))))
+            found.append((key, value.get("wavelengths") or str(value)))
         else:
             found.append((key, value if isinstance(value, str) or key == "p" else ""))
     return tuple(found)

@@ -77,7 +77,8 @@ def correlations(data: xr.Dataset) -> dict[str, dict[str, float]]:
 
 
 def _pearson(x: Floats, y: Floats) -> float:
-    if x.size < 3 or np.ptp(x) == 0 or np.ptp(y) == 0:
+    # values that differ by rounding alone have no coefficient
+    if x.size < 3 or any(np.ptp(v) <= 1e-9 * np.abs(v).max() for v in (x, y)):
         return float("nan")
     return float(np.corrcoef(x, y)[0, 1])
 

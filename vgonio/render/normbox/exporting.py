@@ -28,6 +28,9 @@ samples = {samples}
 
 [fit]
 models = {models}
+
+[errors]
+repeats = {repeats}
 """
 
 
@@ -52,6 +55,7 @@ def write_inputs(settings: Settings, tree: xr.DataTree, folder: Path) -> int:
         angles=[float(a) for a in r.angles_deg],
         wavelengths=r.wavelengths,
         samples=r.samples,
+        repeats=settings.errors.repeats,
         models=str(list(settings.fit.models)).replace("'", '"'),
     )
     with written_whole(folder / "normbox.toml") as stream:

@@ -24,7 +24,7 @@ from . import virtual
 from .box import Box
 from .comparison import LARGEST_SMALL_ANGLE, compare, correlations
 from .error_model import Fitted, error_model, regressed
-from .error_path import error_path, perturbed_once
+from .error_path import error_path, perturbed_once, sizes
 from .inputs import GroundTruth, Settings, common_wavelengths, fit_choice, in_plane, read_ground_truth
 from .predict import Job, direct_part, label_radiance, predict
 
@@ -63,6 +63,7 @@ def validate(settings: Settings, parts: Path | None = None, progress: Progress |
     """
     seconds: dict[str, float] = {}
     start = time.perf_counter()
+    sizes(settings.errors)  # a misspelt source is told before any work
     choice = choose(settings.render.variant)
     mi = use(choice)
     numbers = settings.render.patches
