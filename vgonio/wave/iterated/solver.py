@@ -23,6 +23,7 @@ from .beam import BEAMS, Beam
 from .far_field import directions
 from .far_patch import patch_orders
 from .limits import limits
+from .orders import orders
 from .outcome import check_patch, check_series, mean, stacked, with_mueller
 from .place import Places
 from .profile import WEIGHTS, Light, Orders, Stretch, reflect
@@ -94,6 +95,10 @@ class IteratedKirchhoff:
         object.__setattr__(self, "material", material(self.material))
         self.material.check(self.wavelength_nm)  # type: ignore[union-attr]
 
+    def orders(self, surface: Heightfield, theta_i_deg: Any) -> xr.Dataset:
+        """`efficiency (theta_i, order, wavelength, polarisation)` of a periodic profile, see `iterated.orders`."""
+        return orders(self, surface, theta_i_deg)
+
     def scatter(self, surface: Heightfield, incoming: Incoming, detector: Detector) -> xr.Dataset:
         """The BRDF of `surface`, (theta_i, detector, wavelength), split by the number of reflections."""
         start = time.perf_counter()
@@ -139,7 +144,7 @@ class IteratedKirchhoff:
         theta = sign * np.deg2rad(incoming.theta_deg)
         per = self.per(surface)
 
-        def orders(centre: float, half: float, wavelength: float, fineness: float) -> Orders:
+        def reflections(centre: float, half: float, wavelength: float, fineness: float) -> Orders:
             k, spacing = float(wavenumber(wavelength)), wavelength * 1e-3 / fineness
             beam = Beam(self.beam, places.length_um, half, centre)
             stretch = Stretch.of(surface, beam, spacing)
@@ -152,7 +157,7 @@ class IteratedKirchhoff:
             return reflect(stretch, lights, incoming.polarisation, to, self.bounces, self.tol, self.shadowing)
 
         def one(window: Window, wavelength: float, fineness: float, report: Progress) -> Orders:
-            return orders(window.centre[1], window.half[1], wavelength, fineness)
+            return reflections(window.centre[1], window.half[1], wavelength, fineness)
 
         return self._all(one, places, per)
 

@@ -1,0 +1,129 @@
+"""Gratings: one period sees itself and its neighbours, whose fields differ by a phase (Floquet); efficiencies."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from ...dataset import label, plain, versions
+from ...directions import angle_list
+from ...errors import InputError, VgonioWarning
+from ...surface.heightfield import Heightfield
+from ...units import radians
+from ..quadrature import Complex, Floats
+from .curve import Curve, joined, sample_curve
+from .far_field import far_amplitudes
+from .limits import limits
+from .propagate import POLARISATIONS, Pairs, pair_operators
+from .sight import Sight, look
+
+if TYPE_CHECKING:
+    from .solver import IteratedKirchhoff
+
+NEIGHBOURS = 4  # periods on each side that a period sees
+
+
+def orders(solver: IteratedKirchhoff, surface: Heightfield, theta_i_deg: Any) -> xr.Dataset:
+    """`efficiency (theta_i, order, wavelength, polarisation)`: reflected power of the order over incident power.
+
+    Order m leaves at sin θ_o = −sin θ_i − mλ/P. Beside it `efficiency_single`, of the first reflection alone, where it
+    is seen by the detector. Raises InputError for a surface that is not one periodic profile along x.
+    """
+    start = time.perf_counter()
+    if not (surface.periodic and surface.is_profile):
+        raise InputError(
+            f"{surface.name or 'the surface'} is not one periodic profile along x: orders are for gratings "
+            "(periodic = true and all rows equal); use scatter for anything else"
+        )
+    period = surface.period_um or surface.size_um[1]
+    theta, wavelength = angle_list(theta_i_deg, "theta_i_deg"), np.asarray(solver.wavelength_nm, float)
+    most = int(np.floor(2 * period / (wavelength.min() * 1e-3)))
+    m = np.arange(-most, most + 1)
+    sine = -np.sin(radians(theta))[:, None, None] - m[:, None] * wavelength * 1e-3 / period
+    efficiency = np.zeros((2, *sine.shape, 2))
+    for w, one in enumerate(wavelength):
+        curve, sight = _one_period(surface, period, one * 1e-3 / solver.per(surface))
+        for p, polarisation in enumerate(POLARISATIONS):
+            for i, t in enumerate(radians(theta)):
+                there = np.abs(sine[i, :, w]) < 1 - 1e-12
+                to = np.arcsin(sine[i, there, w])
+                efficiency[:, i, there, w, p] = _efficiencies(
+                    solver, curve, sight, period, float(one), polarisation, float(t), to
+                )
+    reasons = limits(surface, theta, wavelength)
+    if reasons:
+        warnings.warn("iterated Kirchhoff: " + "; ".join(reasons), VgonioWarning, stacklevel=3)
+    over = ("theta_i", "order", "wavelength", "polarisation")
+    leaving = np.degrees(np.where(np.abs(sine) < 1, np.arcsin(np.clip(sine, -1, 1)), np.nan))
+    data = xr.Dataset(
+        {"efficiency": (over, efficiency[1]), "efficiency_single": (over, efficiency[0])},
+        coords={
+            "theta_i": theta, "order": m, "wavelength": wavelength, "polarisation": list(POLARISATIONS),
+            "theta_o": (("theta_i", "order", "wavelength"), leaving),
+        },
+        attrs={
+            "method": f"waves: iterated Kirchhoff, at most {solver.bounces} reflections, {2 * NEIGHBOURS + 1} periods",
+            "theory": "iterated-kirchhoff",
+            "period_um": period,
+            "material": solver.material.name,  # type: ignore[union-attr]
+            "limits": "; ".join(reasons) or "none known",
+            "seconds": time.perf_counter() - start,
+            "versions": versions(),
+        },
+    )  # fmt: skip
+    data.attrs = {key: plain(value) for key, value in data.attrs.items()}
+    return label(data)
+
+
+def _one_period(surface: Heightfield, period: float, spacing: float) -> tuple[Curve, Sight]:
+    """Points of one period, and what they see of that and its neighbours: sources are counted from the leftmost."""
+    curve = sample_curve(surface, 0.0, period, spacing)
+    wide = joined([curve.moved(n * period) for n in range(-NEIGHBOURS, NEIGHBOURS + 1)])
+    first = NEIGHBOURS * len(curve)
+    return curve, look(wide, first, first + len(curve))
+
+
+def _efficiencies(
+    solver: IteratedKirchhoff, curve: Curve, sight: Sight, period: float, wavelength_nm: float, polarisation: str,
+    theta: float, to: Floats,
+) -> Floats:  # fmt: skip
+    """(2, len(to)) efficiencies of the first reflection alone and of all."""
+    k, n = 2 * np.pi / (wavelength_nm * 1e-3), len(curve)
+    material = solver.material
+    cosine = np.sin(theta) * curve.nx + np.cos(theta) * curve.nz
+    r = material.amplitudes(np.clip(cosine, 0, 1), wavelength_nm)[POLARISATIONS[polarisation]]  # type: ignore[union-attr]
+    lit = sight.seen(curve, np.array([theta]))[0] if solver.shadowing else np.ones(n, bool)
+    wave = lit * np.exp(-1j * k * (np.sin(theta) * curve.x + np.cos(theta) * curve.z))
+    u, v = (1 + r) * wave, (1 - r) * wave * (-1j * k * cosine)
+    seen = sight.seen(curve, to) if solver.shadowing else None
+    first = far_amplitudes(curve, u, v, k, to, seen)
+    total = first
+    if solver.bounces > 1 and sight.row.size:
+        wide = joined([curve.moved(m * period) for m in range(-NEIGHBOURS, NEIGHBOURS + 1)])
+        pairs = pair_operators(wide, curve, sight, k, material, wavelength_nm, polarisation)  # type: ignore[arg-type]
+        phases = np.exp(-1j * k * np.sin(theta) * period * np.arange(-NEIGHBOURS, NEIGHBOURS + 1))
+        total = first + _further(solver, pairs, phases, curve, u, v, k, to, seen)
+    norm = 8 * np.pi * k / (2 * k * period) ** 2 / (np.cos(theta) * np.cos(to))
+    return np.stack([np.abs(first) ** 2, np.abs(total) ** 2]) * norm
+
+
+def _further(
+    solver: IteratedKirchhoff, pairs: Pairs, phases: Complex, curve: Curve, u: Complex, v: Complex, k: float,
+    to: Floats, seen: Any,
+) -> Complex:  # fmt: skip
+    """Far amplitudes of the second and all later reflections."""
+    total = np.zeros(len(to), np.complex128)
+    start = curve.ds @ (np.abs(u) ** 2 + np.abs(v / k) ** 2)
+    for _ in range(1, solver.bounces):
+        wide_u, wide_v = (np.outer(phases, f).ravel() for f in (u, v))
+        new_u, new_v = pairs.next(wide_u, wide_v)
+        # a block that is missing gives zeros of the wide shape
+        u, v = (f if len(f) == len(curve) else np.zeros(len(curve), np.complex128) for f in (new_u, new_v))
+        if curve.ds @ (np.abs(u) ** 2 + np.abs(v / k) ** 2) <= solver.tol * start:
+            break
+        total += far_amplitudes(curve, u, v, k, to, seen)
+    return total
