@@ -60,6 +60,7 @@ VARIABLES = {
     "energy_reflected_stderr": ("1", "standard error of energy_reflected"),
     "fresnel_macro": ("1", "Fresnel reflectance of a flat surface at the angle of incidence"),
     "renormalisation": ("1", "factor that brdf was multiplied by: fresnel_macro over energy_reflected"),
+    "efficiency_single": ("1", "diffraction efficiency of the first reflection alone"),
     "efficiency": ("1", "diffraction efficiency: power of the order over incident power"),
     "fresnel": ("1", "Fresnel reflectance at the half vector"),
     "averaged_shortcut_error": (
