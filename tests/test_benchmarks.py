@@ -55,3 +55,15 @@ def test_fits(capsys):
     for name, row in found["cases"].items():
         assert row["chi2_per_dof"] < 5, name
     assert {name for name, _ in found["timings"]} >= {"local shift fits, p fitted", "model 4.8 (alpha, h, w)"}
+
+
+def test_render(capsys):
+    pytest.importorskip("mitsuba")
+    found = load("render").main(["--quick"])
+    for row in found["overhead"].values():
+        assert row["plain_s"] > 0
+        assert row["low"] <= row["overhead"] <= row["high"]
+    assert "Mitsuba" in capsys.readouterr().out
+    if "predictions" not in found:
+        pytest.skip("no LLVM: the Normbox is not timed")
+    assert found["predictions"]["count"] == 3
