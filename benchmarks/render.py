@@ -110,7 +110,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
         row = found["overhead"][kind] = overhead(mi, kind, pairs, size, samples)
         print(
             f"{kind}: processor seconds plain {row['plain_s']:.4f} s, extended {row['extended_s']:.4f} s, "
-            f"the extension costs {row['overhead']:+.1%} ({row['low']:+.1%} … {row['high']:+.1%}, median of {pairs} pairs)"
+            f"the extension costs {row['overhead']:+.1%} ({row['low']:+.1%} … {row['high']:+.1%}, {pairs} pairs)"
         )
     if not scalar:
         angles = tuple(range(30, 91, 5)) if chosen.all else (30.0, 60.0, 90.0)
@@ -119,7 +119,8 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
         row = found["predictions"] = predictions_rate(mi, angles, patches, wavelengths, 64)
         print(
             f"{row['count']} predictions, 64 samples, {wavelengths} wavelengths: {row['seconds']:.1f} s, "
-            f"312 at this rate {row['all_312_s']:.0f} s ({row['all_312_cpu_s']:.0f} s of the processor); mean error {row['error_per_wavelength']:.2%} per wavelength"
+            f"312 at this rate {row['all_312_s']:.0f} s ({row['all_312_cpu_s']:.0f} s of the processor); "
+            f"mean error {row['error_per_wavelength']:.2%} per wavelength"
         )
     print(json.dumps(found))
     return found
