@@ -138,3 +138,36 @@ def test_gentle_patches_cost_one_reflection_and_bad_ones_are_refused():
     with pytest.raises(InputError, match="divergence"), warnings.catch_warnings():
         warnings.simplefilter("ignore", VgonioWarning)
         vg.measure.Gonioreflectometer([0], [0], divergence_deg=2).measure(gentle, IteratedKirchhoff("perfect", [500]))
+
+
+def test_turned_surface_and_turned_plane_of_incidence():
+    """x and y exchanged with the plane at 90°, and everything at 180° with signs of angles exchanged: the same light.
+
+    The transposed surface is also mirrored, which changes nothing without polarisation. Single precision and the rule of
+    sight on diagonals: 2 % of the largest.
+    """
+    surface = rough(0.5, 1.0, 50, 0.1)
+    solver = IteratedKirchhoff("Al", [800], window_um=5, bounces=2, energy=False)
+
+    def measured(one, phi, theta_i, theta_o):
+        gonio = vg.measure.Gonioreflectometer([theta_i], theta_o, coherence_um=1, phi_i_deg=phi, aperture_deg=6)
+        return gonio.measure(one, solver).brdf.values[0, :, 0]
+
+    angles = np.arange(-60, 61, 20)
+    plain = measured(surface, 0, 25, angles)
+    turned = measured(surface.replace(z=surface.z.T), 90, 25, angles)
+    backward = measured(surface, 180, -25, -angles)
+    assert np.max(np.abs(turned - plain)) < 0.02 * plain.max()
+    assert np.max(np.abs(backward - plain)) < 1e-3 * plain.max()
+
+
+def test_profile_at_180_degrees():
+    surface = vg.surface.gaussian(0.5, 1.0, (12, 120), (0.5, 0.1), seed=4)
+    surface = surface.replace(z=surface.z[:1])
+    solver = IteratedKirchhoff("Al", [800], bounces=2)
+    values = []
+    for phi, sign in ((0, 1), (180, -1)):
+        angles = sign * np.array([-40, 10, 30])
+        gonio = vg.measure.Gonioreflectometer([25 * sign], angles, coherence_um=1, phi_i_deg=phi)
+        values.append(gonio.measure(surface, solver).brdf.values)
+    assert np.allclose(values[0], values[1], rtol=1e-9)
