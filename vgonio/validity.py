@@ -43,7 +43,7 @@ def wave_warnings(
         *rigorous_warnings(surface, theories, light),
         *(_steep(surface) if once else ()),
         *(_grazing(surface, angles) if once and not shadowing else ()),
-        *_curved(surface, float(np.max(np.abs(light.theta_i_deg))), max(light.wavelength_nm)),
+        *(_curved(surface, float(np.max(np.abs(light.theta_i_deg))), max(light.wavelength_nm)) if once else ()),
         *_unresolved(surface, light, largest_theta_o),
         *_coherence(surface, light.coherence_um),
     ]

@@ -143,8 +143,8 @@ def test_gentle_patches_cost_one_reflection_and_bad_ones_are_refused():
 def test_turned_surface_and_turned_plane_of_incidence():
     """x and y exchanged with the plane at 90°, and everything at 180° with signs of angles exchanged: the same light.
 
-    The transposed surface is also mirrored, which changes nothing without polarisation. Single precision and the rule of
-    sight on diagonals: 2 % of the largest.
+    The transposed surface is also mirrored, which changes nothing without polarisation. Single precision and the rule
+    of sight on diagonals: 2 % of the largest.
     """
     surface = rough(0.5, 1.0, 50, 0.1)
     solver = IteratedKirchhoff("Al", [800], window_um=5, bounces=2, energy=False)

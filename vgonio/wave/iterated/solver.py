@@ -110,7 +110,7 @@ class IteratedKirchhoff:
         data = self._dataset(surface, incoming, detector, places, found)
         reasons = limits(surface, incoming.theta_deg, self.wavelength_nm)
         if reasons:
-            warnings.warn("iterated Kirchhoff: " + "; ".join(reasons), VgonioWarning, stacklevel=2)
+            warnings.warn("iterated Kirchhoff: " + "; ".join(reasons), VgonioWarning, stacklevel=3)
         if self.polarised:
             data = with_mueller(data, found, places)
         if self.bounces > 1:
