@@ -16,6 +16,7 @@ from .profile import Resolution
 MOST_UNKNOWNS = 8000
 ORDER, FEW = 10, 5  # nodes of a panel; of one among corners in the first solution, for tol ≥ LAX
 LAX = 3e-4
+NOTHING = 1e-9
 MISSED = 1e-2  # of tol·λ: what panels may miss of the surface in the first solution
 COARSE, FINER = 1.6, 1.5  # longest panel of the first solution in wavelengths; each further one is so much finer
 ROUNDS = 4  # solutions at most
@@ -105,6 +106,6 @@ def converged(
 
 
 def difference(a: Floats, b: Floats) -> float:
-    """Largest |a − b| relative to the largest value in its row."""
-    top = np.maximum(np.abs(b).max(axis=1), 1e-300)
+    """Largest |a − b| relative to the largest value in its row, or to NOTHING where nothing is reflected."""
+    top = np.maximum(np.abs(b).max(axis=1), NOTHING)
     return float((np.abs(a - b).max(axis=1) / top).max())

@@ -48,7 +48,7 @@ def forecast(solver: FullWave, surface: Heightfield, incoming: Incoming) -> Fore
         if surface.periodic:
             curve = profile.one_period(surface, wavelength, how)
         else:
-            curve = piece(surface, middles[len(middles) // 2], taper, how)
+            curve = piece(surface, middles[len(middles) // 2], taper, wavelength, how)
         prices.append(effort.cost(curve.size, index, polarisations, len(incoming.theta_deg), surface.periodic))
     dearest = int(np.argmax([p.unknowns for p in prices]))
     # the coarser solution beside it costs a third of one window

@@ -38,9 +38,10 @@ def centres(surface: Heightfield, taper: float, most: int | None) -> tuple[list[
     return [w.centre[1] for w in tiled], coherence.independent(tiled, one_row)
 
 
-def piece(surface: Heightfield, centre: float, taper: float, how: profile.Resolution) -> Panels:
-    """Panels of the part of the profile that a window lights."""
-    start, stop = max(0.0, centre - EDGE * taper), min(surface.size_um[1], centre + EDGE * taper)
+def piece(surface: Heightfield, centre: float, taper: float, wavelength: float, how: profile.Resolution) -> Panels:
+    """Panels of the part of the profile that a window lights; propagating waves make no spot far below λ."""
+    half = EDGE * float(np.hypot(taper, wavelength / 2))
+    start, stop = max(0.0, centre - half), min(surface.size_um[1], centre + half)
     return profile.cut(surface, start, stop, how)
 
 
@@ -62,7 +63,7 @@ def scattered(
 
     def window(n: int, round_: int) -> list[Fields]:
         how = effort.resolution(surface, wavelength, index, solver.tol, round_)
-        curve = piece(surface, middles[n], taper, how)
+        curve = piece(surface, middles[n], taper, wavelength, how)
         price = effort.cost(curve.size, index, len(polarisations), len(theta), False)
         effort.require_affordable(price, f"a piece of {np.ptp(curve.x):.3g} µm at {wavelength_nm:g} nm")
         patch = Patch.of(curve, wavelength, index, polarisations)
@@ -118,17 +119,16 @@ def _outcome(
     condition = np.max([[np.full(len(theta_deg), f.condition) for f in w] for w in every], axis=0)
     residual = np.max([[f.residual for f in w] for w in every], axis=0)
     unknowns = max(f.unknowns for w in every for f in w)
+    beams = [r for w, c in zip(every, middles) for r in remarks.of_beam(w[0], taper, c, theta_deg)]
     # in TM the field does not vanish at the open ends, so that what is lost there is known roughly only
-    defect = np.abs(1 - reflected - absorbed - lost) - lost
-    worst = remarks.Quality(unknowns, float(condition.max()), float(residual.max()), float(defect.max()))
-    said = worst.remarks() + remarks.of_ends(float(lost.max())) + [
-        r for w, c in zip(every, middles) for r in remarks.of_beam(w[0], taper, c, theta_deg)
-    ]  # fmt: skip
+    defect = 0.0 if beams else float((np.abs(1 - reflected - absorbed - lost) - lost).max())
+    worst = remarks.Quality(unknowns, float(condition.max()), float(residual.max()), defect)
+    said = worst.remarks() + remarks.of_ends(float(lost.max())) + beams
     attrs |= {
         "coherence_um": taper,
         "windows": len(middles),
-        "edges": f"open: each window is cut {EDGE:g} ℓ from its middle or where the profile ends; what leaves past the "
-        "ends is in energy_lost",
+        "edges": f"open: each window is cut {EDGE:g} ℓ from its middle (twice λ at least) or where the profile ends; "
+        "what leaves past the ends is in energy_lost",
         "spectrum_kept": beam.REACH,
     }
     return Outcome(brdf, stderr, reflected, absorbed, lost, condition, residual, unknowns, error, _unique(said), attrs)
