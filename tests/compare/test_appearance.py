@@ -22,7 +22,7 @@ from vgonio.compare import (
 )
 from vgonio.compare.explained import kind_of
 from vgonio.compare.gloss import RECEPTORS_DEG, of_model, reading
-from vgonio.directions import Detector
+from vgonio.directions import Detector, cone_projected_solid_angle
 from vgonio.errors import InputError
 from vgonio.models.cook_torrance_1982 import fresnel_dielectric
 
@@ -103,8 +103,12 @@ def test_scatter_of_lambert_is_what_lies_outside_the_cone():
     expected = 1 - np.sin(np.radians(10)) ** 2
     data = models.evaluate("lambert-1760", [0], np.arange(-80.0, 81, 5), W, k_d=0.6)
     np.testing.assert_allclose(total_integrated_scatter(data, 10.0), expected, rtol=1e-6)
-    fit = fit_model(data, "lambert-1760")
-    np.testing.assert_allclose(total_integrated_scatter(fit, 10.0), expected, rtol=3e-3)
+    fit = fit_model(models.evaluate("lambert-1760", [0, 40, 85], FINE[::8], W, k_d=0.6), "lambert-1760")
+    found = total_integrated_scatter(fit, 10.0).values[:, 0]
+    # a cone of half-angle a about a direction at θ holds π sin²a cos θ of the projected hemisphere, at 85° it is cut
+    np.testing.assert_allclose(found[:2], 1 - np.sin(np.radians(10)) ** 2 * np.cos(np.radians([0, 40])), rtol=1e-5)
+    cut = cone_projected_solid_angle(np.radians(85), np.radians(10))[0] / np.pi
+    assert 1 - found[2] == pytest.approx(cut, rel=3e-3)
     with pytest.raises(InputError, match="wider than"):
         total_integrated_scatter(models.evaluate("lambert-1760", [0], Detector.hemisphere(10), W, k_d=0.6))
     with pytest.raises(InputError, match="within 0 to 90"):
@@ -223,5 +227,9 @@ def test_kinds(shifted):
     assert kind_of(shifted) == "fitted model"
     assert kind_of(shifted.assign_attrs(method="waves", theory="kirchhoff")) == "single-scatter waves"
     assert kind_of(shifted.assign_attrs(method="waves", theory="iterated-kirchhoff")) == "multiple-scatter waves"
+    once = shifted.assign_attrs(method="waves", theory="iterated-kirchhoff", bounces=1)
+    assert kind_of(once) == "single-scatter waves"
+    assert kind_of(once.assign_attrs(bounces=3)) == "multiple-scatter waves"
+    assert kind_of(once.assign_attrs(theory="full-wave")) == "multiple-scatter waves"
     assert kind_of(shifted.assign_attrs(method="ray optics")) == "rays"
     assert json.loads(json.dumps(kind_of(shifted.assign_attrs(method="measured")))) == "other"

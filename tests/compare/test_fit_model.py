@@ -13,6 +13,7 @@ from scipy.optimize import minimize
 from vgonio import models
 from vgonio.compare import evaluate_fit, fit_model, fit_parameters, open_fit, save_fit
 from vgonio.compare.cost import Target, best_coefficients, compressed
+from vgonio.directions import Detector
 from vgonio.errors import FileFormatError, InputError, MaterialError, VgonioWarning
 
 THETA_I = np.arange(0.0, 81, 20)
@@ -242,6 +243,15 @@ def test_gaps_order_and_range():
     assert bool(fit.brdf.sel(theta_i=20, theta_o=20).isnull().all())
     assert bool(fit.residual.sel(theta_o=30, wavelength=480).isnull().all())
     assert bool(fit.brdf.sel(theta_i=0, theta_o=30).notnull().all())
+
+
+def test_hemisphere():
+    detector = Detector.hemisphere(15)
+    data = models.evaluate("clausen-2022", [0, 30, 60], detector, WAVELENGTH[::3], alpha=0.4, h=1e-3, w=3.0)
+    fit = fit_model(data, "clausen-2022")
+    assert fit.brdf.dims == ("theta_i", "cell", "wavelength")
+    assert float(fit.w) == pytest.approx(3, rel=1e-5)
+    np.testing.assert_allclose(evaluate_fit(fit, [0, 30, 60], detector, WAVELENGTH[::3]).brdf, data.brdf, rtol=1e-5)
 
 
 def test_one_wavelength_and_errors_of_the_data():

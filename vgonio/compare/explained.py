@@ -18,7 +18,6 @@ from .shift import FEWEST_FOR_P, fit_global_shift, fit_local_shift
 Floats = NDArray[np.float64]
 SAMPLES = 400
 SIGNIFICANT = 3.0
-MULTIPLE = ("iterated", "full-wave")
 
 
 def kind_of(data: xr.Dataset) -> str:
@@ -27,7 +26,8 @@ def kind_of(data: xr.Dataset) -> str:
     if method in ("fit", "model"):
         return "fitted model"
     if theory or method == "waves":
-        several = any(word in theory for word in MULTIPLE) or int(data.attrs.get("bounces", 1) or 1) > 1
+        bounces = data.attrs.get("bounces")
+        several = theory == "full-wave" or (theory.startswith("iterated") if bounces is None else float(bounces) > 1)
         return "multiple-scatter waves" if several else "single-scatter waves"
     return "rays" if "brdf_by_bounce" in data or "rays" in method or "ray" in method else "other"
 

@@ -33,7 +33,7 @@ RECEPTORS_DEG = {20.0: (1.8, 3.6), 60.0: (4.4, 11.7), 85.0: (4.0, 6.0)}
 HAZE_OFFSET_DEG = 1.9  # ISO 13803: receptors of the 20° geometry at 18.1° and 21.9°
 NEAR_DEG = 0.5  # an angle of incidence this near the standard's is the same
 LARGEST_ERROR = 0.1
-TURNS = 192
+RADII, TURNS = 28, 128
 Luminance = Callable[[Geometry], Floats]  # luminous mean of f in sr⁻¹ at pairs of directions
 
 
@@ -144,7 +144,7 @@ def _in_receptor(luminance: Luminance, source: Floats, centre: float, width: lis
     inside = abs(x0) < width[0] and abs(y0) < width[1]
     if not inside:
         x0 = y0 = 0.0
-    t, dt = np.polynomial.legendre.leggauss(40)
+    t, dt = np.polynomial.legendre.leggauss(RADII)
     t, dt = (t + 1) / 2, dt / 2
     kappa = 7.0 if inside else 0.01
     psi = (np.arange(TURNS) + 0.5) / TURNS * 2 * np.pi

@@ -9,9 +9,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..dataset import ascending, check
+from ..directions import frames, unit_vectors
 from ..errors import InputError, VgonioError
-from ..models import directional_albedo
-from ..models.checks import disc_rule
+from ..models import Geometry, directional_albedo
 from ..models.evaluation import brdf
 from ..units import radians
 from .fit_files import fit_parameters
@@ -65,15 +65,26 @@ def _of_fit(fit: xr.Dataset, cone: float | None) -> xr.DataArray:
         return found.sel(theta_i=theta_i).assign_coords(theta_i=fit["theta_i"].values)
     values = []
     for angle in radians(theta_i):
-        geometry, weight = disc_rule(float(angle), radii=160)
-        mirror = np.cos(geometry.theta_o) * np.cos(angle) + np.sin(geometry.theta_o) * np.sin(angle) * -np.cos(
-            geometry.phi_o
-        )
-        inside = mirror >= np.cos(cone)
-        values.append((weight * inside) @ brdf(name, geometry, w, **parameters))
+        geometry, weight = _cone_rule(float(angle), cone)
+        values.append(weight @ brdf(name, geometry, w, **parameters))
     return xr.DataArray(
         np.array(values), {"theta_i": fit["theta_i"].values, "wavelength": w}, ("theta_i", "wavelength")
     )
+
+
+def _cone_rule(theta_i: float, cone: float) -> tuple[Geometry, Floats]:
+    """Points and weights (m,) over the cone about the mirror direction with Σ w f = ∫ f cos θ_o dω_o, dense inside."""
+    t, dt = np.polynomial.legendre.leggauss(40)
+    t, dt, kappa = (t + 1) / 2, dt / 2, 6.0
+    r = cone * np.expm1(kappa * t) / np.expm1(kappa)
+    weight = cone * kappa * np.exp(kappa * t) / np.expm1(kappa) * dt * np.sin(r)
+    psi = (np.arange(64) + 0.5) / 64 * 2 * np.pi
+    local = unit_vectors(r[:, None], psi).reshape(-1, 3)
+    wo = local @ frames(unit_vectors(np.array([-theta_i])))[0].T
+    above = np.maximum(wo[:, 2], 0.0)
+    polar = np.minimum(np.arccos(np.clip(wo[:, 2], 0.0, 1.0)), np.pi / 2 - 1e-6)
+    geometry = Geometry.of(theta_i, polar, 0.0, np.arctan2(wo[:, 1], wo[:, 0]))
+    return geometry, np.repeat(weight, psi.size) * 2 * np.pi / psi.size * above
 
 
 def _of_cells(data: xr.Dataset, cone: float | None) -> xr.DataArray:

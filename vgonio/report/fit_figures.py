@@ -137,7 +137,7 @@ def explained(shares: xr.Dataset) -> Figure:
     low, high = min(0.0, float(np.min(share - error))), max(100.0, float(np.max(share + error)))
     low = max(low, -150.0)
     ax.set_xlim(low - 0.05 * (high - low) * (low < 0), high + 0.22 * (high - low))
-    for y, value, e in zip(place, share, error):
+    for y, value, e in zip(range(len(names)), share, error):
         digits = 0 if e >= 1 else 1
         text = f"{value:.{digits}f} ± {e:.{digits}f} %".replace("-", "−")
         ax.text(max(value + e, 0) + 0.02 * (high - low), y, text, va="center", fontsize=8.5)
