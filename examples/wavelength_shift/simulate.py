@@ -1,0 +1,99 @@
+"""Profiles of the surrogate samples by iterated Kirchhoff and by rays: spectra of every order of reflection.
+
+Each row of a height field is a profile; every 16th is taken, farther apart than the surface's correlation length. One
+file a row in the folder given, rows that are there are not computed again.
+
+    python examples/wavelength_shift/simulate.py out/shift --samples 1 2 3 4 5 --rows 12      # 20 minutes
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+import vgonio as vg
+
+ROOT = Path(__file__).resolve().parents[2]
+WAVELENGTHS = np.arange(400.0, 751.0, 50.0)
+GONIO = vg.measure.Gonioreflectometer(
+    theta_i_deg=[0, 20, 40, 60], theta_o_deg=range(-85, 86, 5), aperture_deg=4.0, coherence_um=10.0
+)
+
+
+def profile(sample: int, row: int) -> vg.surface.Heightfield:
+    """One row of a surrogate as a periodic profile."""
+    field = vg.surface.read(ROOT / "heightfields" / f"sample{sample}.npz")
+    z = field.z[row % field.z.shape[0]]
+    return vg.surface.Heightfield(np.repeat(z[None], 4, axis=0), pitch_um=field.pitch_um, periodic=True)
+
+
+def with_fine_roughness(surface: vg.surface.Heightfield, rms_um: float, seed: int) -> vg.surface.Heightfield:
+    """The profile on a grid eight times finer, with roughness that no confocal microscope sees.
+
+    Spatial wavelengths of 0.2 to 0.6 µm, PSD ∝ f⁻² in one dimension (a self-affine tail of Hurst exponent 0.5).
+    """
+    import scipy.fft as fft
+
+    n, pitch = surface.z.shape[1] * 8, float(surface.pitch_um[1]) / 8
+    spectrum = fft.rfft(surface.z[0])
+    fine = fft.irfft(np.pad(spectrum, (0, n // 2 + 1 - spectrum.size)), n) * 8
+    f = fft.rfftfreq(n, pitch)
+    band = (f >= 1 / 0.6) & (f <= 1 / 0.2)
+    noise = np.zeros(f.size, complex)
+    noise[band] = np.exp(2j * np.pi * np.random.default_rng(seed).random(band.sum())) / f[band]
+    tail = fft.irfft(noise, n)
+    return vg.surface.Heightfield(
+        np.repeat((fine + tail * rms_um / tail.std())[None], 4, axis=0), pitch_um=pitch, periodic=True
+    )
+
+
+def orders(surface: vg.surface.Heightfield, wavelengths: Sequence[float], windows: int = 4) -> xr.Dataset:
+    """BRDF by number of reflections from iterated Kirchhoff, and the rays' shares beside it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        waves = GONIO.measure(
+            surface,
+            vg.wave.IteratedKirchhoff("Al", wavelengths, bounces=3, window_um=60.0, windows=windows),
+        )
+        rays = GONIO.measure(surface, vg.geometric.RayOptics("Al", wavelength_nm=[600.0], rays=100_000))
+    by = rays["brdf_by_bounce"].isel(wavelength=0, drop=True)
+    return xr.Dataset(
+        {
+            "single": waves["brdf_by_bounce"].sel(bounce=1, drop=True),
+            "multiple": waves["brdf_by_bounce"].sel(bounce=slice(2, None)).sum("bounce"),
+            "total": waves["brdf"],
+            "energy": waves["energy_by_bounce"],
+            "rays_single": by.sel(bounce=1, drop=True),
+            "rays_multiple": by.sel(bounce=slice(2, None)).sum("bounce"),
+        }
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--samples", type=int, nargs="+", default=[1])
+    parser.add_argument("--rows", type=int, default=3)
+    parser.add_argument("--windows", type=int, default=4)
+    parser.add_argument("--fine-nm", type=float, nargs="+", default=[0.0], help="RMS of roughness below 0.6 µm")
+    parser.add_argument("--wavelengths", type=float, nargs="+", default=list(WAVELENGTHS))
+    asked = parser.parse_args()
+    asked.folder.mkdir(parents=True, exist_ok=True)
+    jobs = [(s, r, f) for r in range(asked.rows) for s in asked.samples for f in asked.fine_nm]
+    for n, (sample, row, fine) in enumerate(jobs):
+        path = asked.folder / f"sample{sample}_row{row:02d}_fine{fine:g}.nc"
+        if not path.exists():
+            surface = profile(sample, 16 * row)
+            if fine:
+                surface = with_fine_roughness(surface, fine / 1000, seed=1000 * sample + row)
+            vg.save(orders(surface, asked.wavelengths, asked.windows), path)
+        print(f"{n + 1} of {len(jobs)}: {path.name}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
