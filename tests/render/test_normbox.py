@@ -400,6 +400,33 @@ def test_command(tmp_path, capsys):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["n.nc", "n.toml", "page.html"]
 
 
+def test_interrupted_runs_go_on(tmp_path, capsys, monkeypatch):
+    """What is finished is kept and said; the same command finds it again, and leaves nothing beside the result."""
+    needs_llvm()
+    scene = tmp_path / "n.toml"
+    scene.write_text(
+        "[virtual]\nsamples = 4\n[render]\npatches = [4]\nangles_deg = [30, 60]\nwavelengths = 4\nsamples = 4\n"
+        "[errors]\nrepeats = 0\n"
+    )
+    real, made = predictions._spectrum, []
+
+    def counted(*arguments):
+        made.append(1)
+        if len(made) == 4:
+            raise KeyboardInterrupt
+        return real(*arguments)
+
+    monkeypatch.setattr(predictions, "_spectrum", counted)
+    assert main(["validate", str(scene), "-q"]) == 130
+    assert "n.nc.parts" in capsys.readouterr().err
+    kept = len(list((tmp_path / "n.nc.parts").glob("*.npz")))
+    assert kept == 3
+    assert main(["validate", str(scene), "-q"]) == 0
+    # true, reference, two models and the direct part, at two angles: ten in all, three of them found again
+    assert len(made) == 4 + 10 - 3
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["n.nc", "n.toml"]
+
+
 def test_missing_scene(capsys):
     assert main(["validate", "nowhere.toml"]) == 2
     assert "vgonio validate --init nowhere.toml" in capsys.readouterr().err

@@ -9,8 +9,10 @@ import sys
 import numpy as np
 import pytest
 
-from vgonio import models
+from vgonio import models, simulate
 from vgonio.cli import main
+from vgonio.cli.render import gather
+from vgonio.compare import fit_model, save_fit
 from vgonio.errors import FileFormatError, InputError
 from vgonio.render import Preview, delta_e, of_dataset, of_model, of_table, preview, rgb, use
 from vgonio.render.images import write_exr, write_png
@@ -217,3 +219,38 @@ def test_without_mitsuba_the_extra_is_named():
 def test_a_missing_table(tmp_path):
     with pytest.raises(FileFormatError, match="no such file"):
         of_table(tmp_path / "none.bsdf")
+
+
+def test_a_simulated_result_in_a_fresh_process(tmp_path):
+    """A result's group as a table, with nothing imported before: rays over the hemisphere beside a formula."""
+    needed = {
+        "surface": {"generate": {"kind": "gaussian", "rms_um": 0.5, "correlation_um": 5.0, "shape": [64, 64],
+                                 "pitch_um": 0.5, "seed": 1}},
+        "material": {"name": "Al"},
+        "light": {"wavelength_nm": [400, 500, 600, 700], "theta_i_deg": [0, 30, 60]},
+        "detector": {"kind": "hemisphere", "resolution_deg": 15},
+        "geometric": {"rays": 20_000},
+    }  # fmt: skip
+    simulate(needed, output=tmp_path / "r.nc")
+    command = ["render", f"{tmp_path}/r.nc:rays", "cook-torrance-1982:alpha=0.2", "-o", f"{tmp_path}/f.png", "--json"]
+    sizes = ["--size", "16", "--samples", "1", "--passes", "2", "--wavelengths", "400:700:100", "-q"]
+    code = f"import sys; from vgonio.cli import main; sys.exit(main({[*command, *sizes]!r}))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)["materials"]
+    assert [m["route"] for m in found] == ["measured", "formula"]
+    assert 0 < found[1]["ΔE₀₀ mean"] < 40
+
+
+def test_fits_by_formula_with_their_spectra(tmp_path):
+    """A fitted dielectric from its file: roughness, index and k_d(λ) are those of the fit."""
+    w = np.arange(400.0, 701.0, 50.0)
+    k_d = np.linspace(0.2, 0.6, w.size)
+    data = models.evaluate("cook-torrance-1982", range(0, 81, 20), range(-80, 81, 10), w, alpha=0.4, eta=1.5, k_d=k_d)
+    save_fit(fit_model(data, "cook-torrance-1982", material=None, errors="none", starts=1), tmp_path / "fit.json")
+    made = gather([str(tmp_path / "fit.json")], "half-angle", W, ["paint"])[0]
+    assert made.route == "formula"
+    assert made.name == "paint"
+    np.testing.assert_allclose([made.bsdf["alpha"], made.bsdf["eta"]], [0.4, 1.5], rtol=1e-3)
+    found = [float(v) for v in made.bsdf["k_d"]["values"].split(",")]
+    np.testing.assert_allclose(found, np.pad(k_d, 1, "edge"), rtol=2e-3)

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ..dataset import brdf_dataset
 from ..directions import Detector
+from ..measure import write
 from ..measure.isotropic import IsotropicBrdf, isotropic
-from ..measure.writers import rgl
 from ..models import Geometry, brdf
 
 Floats = NDArray[np.float64]
@@ -36,7 +36,7 @@ def table_file(data: xr.Dataset, fill: Any = "half-angle", folder: Any = None) -
     known = isotropic(data, None if "cell" in data["brdf"].dims else fill)
     place = _folder() if folder is None else Path(folder)
     path = place / f"{len(list(place.glob('*.bsdf')))}.bsdf"
-    return Path(rgl.write(data, path, fill=known)), known.note
+    return Path(write(data, path, fill=known)), known.note
 
 
 def of_formula(model: str, parameters: Mapping[str, Any], wavelength_nm: Any) -> IsotropicBrdf:
