@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..dataset import brdf_dataset
 from ..directions import Detector
-from ..measure import write
+from ..measure.readers import write
 from ..measure.isotropic import IsotropicBrdf, isotropic
 from ..models import Geometry, brdf
 
