@@ -136,7 +136,7 @@ def explained(shares: xr.Dataset) -> Figure:
     ax.set_yticks(place, [name if name == kind else f"{name}\n({kind})" for name, kind in zip(names, kinds)])
     low, high = min(0.0, float(np.min(share - error))), max(100.0, float(np.max(share + error)))
     low = max(low, -150.0)
-    ax.set_xlim(low - 0.05 * (high - low) * (low < 0), high + 0.22 * (high - low))
+    ax.set_xlim(low - 0.05 * (high - low) * (low < 0), high + 0.3 * (high - low))
     for y, value, e in zip(range(len(names)), share, error):
         digits = 0 if e >= 1 else 1
         text = f"{value:.{digits}f} ± {e:.{digits}f} %".replace("-", "−")
