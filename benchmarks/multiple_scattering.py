@@ -181,7 +181,10 @@ def draw(path: str, rows: list[dict], seconds: dict, growths: dict, curves: dict
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import NullFormatter
 
+    every = [np.mean([s[m] for s in seconds if m in s]) for m in (*METHODS, "full wave")]
+    time_range = min(every), max(every)
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.6), constrained_layout=True)
     colours = dict(zip(METHODS, ("#888888", "#5b8ff9", "#e8a33d", "#9270ca", "#d64550", "#7a1f2b")))
     for method in METHODS:
@@ -201,8 +204,10 @@ def draw(path: str, rows: list[dict], seconds: dict, growths: dict, curves: dict
     left.axvline(np.mean([s["full wave"] for s in seconds]), color="k", lw=0.8)
     at = (np.mean([s["full wave"] for s in seconds]), 0.8)
     left.annotate("full wave", at, xycoords=("data", "axes fraction"), rotation=90, ha="right", size=9)
-    left.set(xscale="log", yscale="log", ylim=(0.04, 0.8), xlabel="seconds, one profile of 60 λ, four θ_i",
+    left.set(xscale="log", yscale="log", ylim=(0.04, 0.8), xlim=(time_range[0] / 2.5, time_range[1] * 1.8),
+             xlabel="seconds, one profile of 60 λ, four θ_i",
              ylabel="error of the mean lobe", title="Slopes 0.7 to 1.0, incidence 0° and 20°, TE and TM")  # fmt: skip
+    left.xaxis.set_minor_formatter(NullFormatter())
     names = {
         "full wave": ("k", "-"),
         "iterated 3": ("#d64550", "-"),

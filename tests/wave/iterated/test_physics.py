@@ -17,6 +17,7 @@ from vgonio.wave.iterated import IteratedKirchhoff
 from vgonio.wave.iterated.beam import Beam
 from vgonio.wave.iterated.far_field import far_amplitudes
 from vgonio.wave.iterated.profile import Light, Stretch, fields
+from vgonio.wave.iterated.second_hits import second_hits
 
 THETA_I = (0.0, 20.0)
 FINE = np.arange(-79.75, 80.0, 0.5)
@@ -131,6 +132,20 @@ def test_short_wavelengths_become_the_rays_decomposition():
     got = waves.energy_by_bounce.isel(wavelength=0).transpose("theta_i", "bounce").values
     assert share[:, 1] == pytest.approx(1 - np.tan(np.deg2rad([0, 15, 30])), abs=0.02)
     assert np.allclose(got[:, :2], share[:, :2], atol=0.04)
+
+
+def test_second_hits_are_those_of_the_rays():
+    """Shares of mirrored rays that meet the surface again, by the march here (a beam on part of the surface) and by
+    the ray tracer (all of it): 0.06, as much as parts of this size differ."""
+    surface = vg.surface.gaussian(1.0, 3.0, (128, 128), 0.2, seed=2)
+    whole = (12.8, 12.8)
+    for theta in (0.0, 60.0):
+        gonio = vg.measure.Gonioreflectometer([theta], [0])
+        rays = gonio.measure(surface, vg.geometric.RayOptics("perfect", [550], rays=40_000))
+        share, _ = second_hits(surface, whole, whole, 6.0, gonio.incoming.vectors[0], 0)
+        assert share == pytest.approx(1 - rays.energy_by_bounce.sel(bounce=1).item(), abs=0.06)
+    small = second_hits(surface, whole, (1.0, 1.0), 6.0, gonio.incoming.vectors[0], 0)
+    assert small[1] > 0.5
 
 
 # ---- extreme cases

@@ -57,7 +57,15 @@ class Places:
         if most is None and not surface.is_profile:
             most = PATCHES
         if most is not None and most < tiled:
-            middle = np.linspace(0, tiled - 1, most).round().astype(int) if most > 1 else [tiled // 2]
-            covering = [covering[i] for i in middle]
+            covering = [covering[i] for i in _spread(covering, surface, most)]
         windows = [Window(length, w.half, w.centre) for w in covering]
         return Places(windows, independent(windows, surface), tiled, float(window_um), float(length))
+
+
+def _spread(covering: list[Window], surface: Heightfield, most: int) -> list[int]:
+    """Indices of `most` windows spread over the surface; a single one is that nearest to its middle."""
+    if most > 1:
+        return [int(i) for i in np.linspace(0, len(covering) - 1, most).round()]
+    middle = np.array(surface.size_um) / 2 * (0 if surface.is_profile else 1, 1)
+    away = [float(np.sum((np.array(w.centre) - middle) ** 2)) for w in covering]
+    return [int(np.argmin(away))]

@@ -11,6 +11,7 @@ from ..quadrature import Floats
 
 RAYS = 4000  # of one angle of incidence
 STEPS = 4000  # of one ray, at most
+HALVINGS = 20  # of the last step, down to the surface
 
 
 def second_hits(
@@ -85,4 +86,15 @@ def _march(surface: Heightfield, start: Floats, d: Floats) -> tuple[Floats, NDAr
             axes = slice(0, 1) if surface.is_profile else slice(0, 2)
             gone |= np.any((q[:, axes] < 0) | (q[:, axes] > size[axes]), axis=1)
         alive = alive[~below & ~gone]
+    p[hit] = _back_up(surface, p[hit], d[hit], step)
     return p, hit
+
+
+def _back_up(surface: Heightfield, p: Floats, d: Floats, step: float) -> Floats:
+    """Places just above the surface on the last step of rays that ended below it, by halving."""
+    above, below = p - step * d, p
+    for _ in range(HALVINGS):
+        middle = (above + below) / 2
+        under = (middle[:, 2] < _heights(surface, middle))[:, None]
+        above, below = np.where(under, above, middle), np.where(under, middle, below)
+    return above
