@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ..dataset import brdf_dataset
 from ..directions import Detector
-from ..measure.readers import write
 from ..measure.isotropic import IsotropicBrdf, isotropic
+from ..measure.readers import write
 from ..models import Geometry, brdf
 
 Floats = NDArray[np.float64]
