@@ -47,7 +47,7 @@ def main() -> None:
         print(
             f"sample {sample}: multiple reflections {100 * share:.2g} % of one patch (waves), {100 * whole:.2g} % of "
             f"the sample (rays); second hits outside the patch {100 * float(waves['second_hits_outside']):.0f} %; mean "
-            f"slope single {m['single']:+.1f}, multiple {m['multiple']:+.1f} % per 100 nm; {waves.attrs['seconds']:.0f} s",
+            f"slope single {m['single']:+.1f}, multiple {m['multiple']:+.1f} % per 100 nm",
             flush=True,
         )
 

@@ -1,0 +1,92 @@
+"""The example on the wavelength shift: its surfaces are what they are said to be, its slopes those of known spectra."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import vgonio as vg
+
+FOLDER = Path(__file__).resolve().parents[3] / "examples" / "wavelength_shift"
+
+
+@pytest.fixture(scope="module")
+def example():
+    """The modules of the example, imported as its scripts import each other."""
+    sys.path.insert(0, str(FOLDER))
+    try:
+        import analyse
+        import sampling
+        import simulate
+
+        yield {"simulate": simulate, "analyse": analyse, "sampling": sampling}
+    finally:
+        sys.path.remove(str(FOLDER))
+        for name in ("analyse", "sampling", "simulate"):
+            sys.modules.pop(name, None)
+
+
+def test_fine_roughness_is_what_the_microscope_does_not_see(example):
+    simulate = example["simulate"]
+    coarse = simulate.profile(1, 0)
+    fine = simulate.with_fine_roughness(coarse, 0.010, seed=3)
+    added = fine.z[0] - simulate.with_fine_roughness(coarse, 1e-9, seed=3).z[0]
+    assert added.std() == pytest.approx(0.010, rel=1e-6)
+    spectrum = np.abs(np.fft.rfft(added)) ** 2
+    f = np.fft.rfftfreq(added.size, fine.dx)
+    inside = (f >= 1 / 0.6 - 1e-9) & (f <= 1 / 0.2 + 1e-9)
+    assert spectrum[~inside].sum() < 1e-12 * spectrum.sum()
+    # PSD ∝ f⁻²
+    order = np.polyfit(np.log(f[inside]), np.log(spectrum[inside]), 1)[0]
+    assert order == pytest.approx(-2.0, abs=0.01)
+    # the relief that was seen is the same: the profile's own samples, read off the finer grid
+    again = np.fft.irfft(np.fft.rfft(fine.z[0])[: coarse.z.shape[1] // 2 + 1] / 8, coarse.z.shape[1])
+    assert np.abs(again - coarse.z[0]).max() < 1e-9
+
+
+def test_slopes_of_known_spectra(example):
+    analyse = example["analyse"]
+    wavelength = np.arange(400.0, 751.0, 50.0)
+    fresnel = vg.materials.material("Al").reflectance(np.cos(np.deg2rad([40.0])), wavelength)[0]
+    theta_o = np.array([-60.0, -40.0, 0.0])
+    # θ_i = 40°: the half angle is 50, 40 (mirror: 0) … so the reflectance at the half vector differs by direction
+    f = np.stack([(1 + 0.0007 * (wavelength - 600)) * fresnel] * 3)[None]
+    brdf = xr.DataArray(
+        f, dims=("theta_i", "theta_o", "wavelength"),
+        coords={"theta_i": [40.0], "theta_o": theta_o, "wavelength": wavelength},
+    )  # fmt: skip
+    found = analyse.slopes(brdf, 1.0).values[0]
+    # aluminium's spectrum hardly changes between 0 and 50°: 7 % per 100 nm to 0.2
+    np.testing.assert_allclose(found, 7.0, atol=0.2)
+
+
+def test_jackknife_is_the_standard_error_of_a_mean(example):
+    rows = xr.DataArray(np.random.default_rng(1).normal(size=(20, 3)), dims=("row", "x"))
+    value, error = example["analyse"].jackknife(rows, lambda r: r)
+    np.testing.assert_allclose(value, rows.mean("row"))
+    np.testing.assert_allclose(error, rows.std("row", ddof=1) / np.sqrt(20))
+
+
+def test_resampled_profile_keeps_the_relief(example):
+    surface = example["simulate"].profile(1, 0)
+    coarse = example["sampling"].resampled(surface, "linear", 1.0)
+    assert coarse.size_um[1] == pytest.approx(surface.size_um[1])
+    assert coarse.z[0].std() == pytest.approx(surface.z[0].std(), rel=0.01)
+
+
+def test_a_small_run_to_the_figure(example, tmp_path, monkeypatch):
+    simulate, analyse = example["simulate"], example["analyse"]
+    vg.save(
+        simulate.orders(simulate.profile(1, 0), [500.0, 600.0, 700.0], windows=1), tmp_path / "sample1_row00_fine0.nc"
+    )
+    data = analyse.load(tmp_path, 1)
+    # loss by absorption alone: 8 … 9 % a reflection
+    total = data["energy"].sum("bounce").values
+    assert np.all((total > 0.8) & (total < 0.95))
+    assert len(analyse.table(data, 40.0)) == 6
+    analyse.figure({"sample 1": data}, 40.0).savefig(tmp_path / "figure.png")
+    assert (tmp_path / "figure.png").stat().st_size > 20_000
