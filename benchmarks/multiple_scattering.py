@@ -1,6 +1,7 @@
 """Multiple scattering: error and seconds of single, shadowed and iterated Kirchhoff and of rays against full-wave.
 
     python benchmarks/multiple_scattering.py [--quick] [-n REALISATIONS] [-o results.json] [--figure figure.png]
+        [--page table.md]
 
 Ensembles of perfectly conducting profiles with Gaussian heights and correlation exp(−x²/T²), 60 wavelengths long, under
 the same Gaussian beam (ℓ = 7.5 λ on z = 0) for every wave method. The error is Σ|Δ|/Σ of the ensemble's mean power per
@@ -227,6 +228,35 @@ def draw(path: str, rows: list[dict], seconds: dict, growths: dict, curves: dict
     plt.close(figure)
 
 
+def page(result: dict) -> str:
+    """Markdown: what was compared, the table, run times and retro peaks."""
+    shown = ("single", "shadowed", "rays", "iterated 2", "iterated 3", "noise")
+    head = ["σ/λ", "T/λ", "slope", "", "θ_i", *shown, "power single", "power iterated 3"]
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    for r in result["rows"]:
+        cells = [f"{r['sigma']:g}", f"{r['T']:g}", f"{r['slope']:.2f}", r["polarisation"], f"{r['theta_i']:g}°"]
+        cells += [f"{r[m]:.3f}" for m in shown] + [f"{r[f'power {m}']:.2f}" for m in ("single", "iterated 3")]
+        lines.append("| " + " | ".join(cells) + " |")
+    grows = [
+        f"- {m}: " + ", ".join(f"{n:g} λ {s:.3f} s" for n, s in zip(g["lengths"], g["seconds"]))
+        + f"; grows as length^{g['exponent']:.1f}"
+        for m, g in result["growth"].items()
+    ]  # fmt: skip
+    retro_lines = [f"- {n}: " + ", ".join(f"{m} {p:.2f}" for m, p in v.items()) for n, v in result["retro"].items()]
+    return "\n".join([
+        "# Multiple scattering: four theories against the full-wave solver", "",
+        f"Made by `python benchmarks/multiple_scattering.py -n {result['realisations']} --page …`.",
+        f"{result['machine']}.", "", *__doc__.splitlines()[5:], "",
+        "The waves see the same profiles under the same beam as the full wave, so that chance hardly enters their errors;",
+        "rays light the whole profile and miss its speckle. What is left of iterated Kirchhoff's error is mostly the sharp",
+        "edge of its shadows: it grows towards grazing and where T falls below a wavelength, and TE and TM miss the power",
+        "on opposite sides (TE too bright at normal incidence).", "",
+        "![Error against run time, and the mean lobe of steep profiles](multiple_scattering.png)",
+        "", *lines, "", "## Run time, one polarisation, four angles", *grows, "",
+        "## Power within 2° of the retro direction over that 8 … 16° beside it", *retro_lines, "",
+    ])  # fmt: skip
+
+
 def main(arguments: list[str] | None = None) -> dict:
     """Run everything, print it, and return it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -234,6 +264,7 @@ def main(arguments: list[str] | None = None) -> dict:
     parser.add_argument("-n", "--realisations", type=int, default=20, help="profiles of each ensemble")
     parser.add_argument("-o", "--output", help="JSON file for the figures")
     parser.add_argument("--figure", help="PNG file")
+    parser.add_argument("--page", help="Markdown file for the table")
     asked = parser.parse_args(arguments)
     cases = ((1.0, 2.0),) if asked.quick else CASES
     realisations = 4 if asked.quick else asked.realisations
@@ -271,6 +302,10 @@ def main(arguments: list[str] | None = None) -> dict:
         draw(asked.figure, rows, seconds, growths, curves, machine())
     result = {"machine": machine(), "rows": rows, "seconds": seconds, "growth": growths, "retro": retros}
     result["mean_of_polarisations"] = together(rows)
+    result["realisations"] = realisations
+    if asked.page:
+        with open(asked.page, "w", encoding="utf-8") as file:
+            file.write(page(result))
     if asked.output:
         with open(asked.output, "w", encoding="utf-8") as file:
             json.dump(result, file, indent=1, default=float)

@@ -39,7 +39,8 @@ def test_rays(capsys):
 def test_multiple_scattering(capsys, monkeypatch, tmp_path):
     """Errors of the quick version's four profiles; iterated is well below single, and the figure is drawn."""
     monkeypatch.syspath_prepend(str(FOLDER))
-    found = load("multiple_scattering").main(["--quick", "--figure", str(tmp_path / "figure.png")])
+    files = ["--figure", str(tmp_path / "figure.png"), "--page", str(tmp_path / "page.md")]
+    found = load("multiple_scattering").main(["--quick", *files])
     steep = [r for r in found["rows"] if r["theta_i"] <= 20]
     assert len(steep) == 4
     for row in steep:
@@ -47,6 +48,7 @@ def test_multiple_scattering(capsys, monkeypatch, tmp_path):
         assert row["iterated 3"] < 0.6 * row["single"]
         assert abs(row["power iterated 3"] - 1) < 0.1
     assert (tmp_path / "figure.png").stat().st_size > 20_000
+    assert "| 1 | 2 | 0.71 | TM | 20° |" in (tmp_path / "page.md").read_text(encoding="utf-8")
     assert "time grows as length^" in capsys.readouterr().out
 
 
