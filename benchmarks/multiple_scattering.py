@@ -33,6 +33,10 @@ LENGTH, PITCH, BIN = 60.0, 0.1, 2.0  # in wavelengths; λ = 1 µm; degrees
 THETA_I = (0.0, 20.0, 50.0, 70.0)
 CASES = ((0.3, 4.2), (0.3, 2.0), (0.3, 0.85), (1.0, 5.66), (1.0, 2.0), (1.5, 2.5), (2.0, 2.83))  # σ/λ, T/λ
 FINE = np.arange(-89.75, 90.0, 0.5)  # degrees
+REMARKS = """The waves see the same profiles under the same beam as the full wave, so that chance hardly enters their
+errors; rays light the whole profile and miss its speckle. What is left of iterated Kirchhoff's error is mostly the
+sharp edge of its shadows: it grows towards grazing and where T falls below a wavelength, and TE and TM miss the power
+on opposite sides (TE too bright at normal incidence)."""
 LABELS = {"single": (-7, 5), "shadowed": (7, -12), "rays": (7, 5), "iterated 2": (7, 5), "iterated 3": (-7, 5),
           "iterated 6": (7, -12)}  # fmt: skip
 METHODS = ("single", "shadowed", "rays", "iterated 2", "iterated 3", "iterated 6")
@@ -247,10 +251,7 @@ def page(result: dict) -> str:
         "# Multiple scattering: four theories against the full-wave solver", "",
         f"Made by `python benchmarks/multiple_scattering.py -n {result['realisations']} --page …`.",
         f"{result['machine']}.", "", *__doc__.splitlines()[5:], "",
-        "The waves see the same profiles under the same beam as the full wave, so that chance hardly enters their errors;",
-        "rays light the whole profile and miss its speckle. What is left of iterated Kirchhoff's error is mostly the sharp",
-        "edge of its shadows: it grows towards grazing and where T falls below a wavelength, and TE and TM miss the power",
-        "on opposite sides (TE too bright at normal incidence).", "",
+        REMARKS, "",
         "![Error against run time, and the mean lobe of steep profiles](multiple_scattering.png)",
         "", *lines, "", "## Run time, one polarisation, four angles", *grows, "",
         "## Power within 2° of the retro direction over that 8 … 16° beside it", *retro_lines, "",
