@@ -32,5 +32,15 @@ def test_full_wave(name, value):
         vg.wave.FullWave(**{name: value})
 
 
+ITERATED = [*WAVES, ("bounces", 0), ("bounces", "a"), ("window_um", "wide"), ("window_um", math.inf), ("beam", 3),
+            ("points_per_wavelength", "a"), ("wavelength_nm", "blue")]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "value"), ITERATED)
+def test_iterated_kirchhoff(name, value):
+    with pytest.raises(InputError, match=name):
+        vg.wave.IteratedKirchhoff(**{name: value})
+
+
 def test_whole_numbers_may_be_floats():
     assert vg.geometric.RayOptics(rays=1e5).rays == 100_000
