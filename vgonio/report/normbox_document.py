@@ -67,9 +67,9 @@ def statements(found: dict[str, Any]) -> list[str]:
         share = found["fit_share"][plain]
         word = "dominates" if share > 0.5 else "does not dominate"
         lines.append(
-            f"The fit {word} the error of {plain}: {percent(share)} of its mean square is there when the true BRDFs "
-            f"take the fits' place as reference; the true BRDFs themselves miss the reference by "
-            f"{percent(found['noise'])} (noise of the renderer and what was perturbed)."
+            f"The fit {word} the error of {plain}: {percent(share)} of its mean square is there when the fitted BRDFs "
+            f"are held against the true ones in the same rendering; the true BRDFs themselves miss the reference by "
+            f"{percent(found['noise'])} (noise of the renderer, and what was perturbed)."
         )
     for name, share in found["removed"].items():
         lines.append(f"{name} removes {percent(share)} of the mean square error of {plain}.")
@@ -80,10 +80,13 @@ def statements(found: dict[str, Any]) -> list[str]:
         f"{modelled['correlation']:.2f}."
     )
     if "path" in found:
-        largest = max(found["path"]["sources"], key=found["path"]["sources"].get)
+        path, first = found["path"], found["models"][plain]
+        largest = max(path["sources"], key=path["sources"].get)
         lines.append(
-            f"All other sources of error together would make {percent(found['path']['combined'])}, most of it "
-            f"{largest} ({percent(found['path']['sources'][largest])})."
+            f"All sources of error but the fits would make {percent(path['combined'])} RMS "
+            f"({percent(path['combined_small'])} up to 60°, {percent(path['combined_large'])} beyond), "
+            f"{largest} the most ({percent(path['sources'][largest])}); found with {plain} is "
+            f"{percent(first['nrmse_rms'])} ({percent(first['nrmse_rms_small'])}, {percent(first['nrmse_rms_large'])})."
         )
     return lines
 

@@ -21,17 +21,22 @@ from .predict import Job, direct_part, predict
 
 Floats = NDArray[np.float64]
 Random = np.random.Generator
+FACTOR_DRAWS = 400
 
 
 @dataclass(frozen=True)
 class Source:
-    """A row of the table. `perturb(job, size, rng)` gives the perturbed job and a factor on the radiance."""
+    """A row of the table. `perturb(job, size, rng)` gives the perturbed job and a factor on the radiance.
+
+    runs : whether the job changes; a factor alone needs no rendering and is drawn `FACTOR_DRAWS` times
+    """
 
     size: float
     unit: str
     spread: str  # "limits" or "standard deviation"
     what: str
     perturb: Callable[[Job, float, Random], tuple[Job, float]]
+    runs: bool = True
 
 
 def _geometry(job: Job, size: float, rng: Random) -> tuple[Job, float]:
@@ -106,10 +111,10 @@ SOURCES = {
     "angle": Source(1.0, "degree", LIMITS, "the sample's angle", _angle),
     "brdf": Source(0.007, "1", DEVIATION, "in-plane BRDFs of patches and wall, a factor on each", _brdf),
     "emission": Source(0.02, "1", DEVIATION, "spectroradiometer, when the light is measured", _emission),
-    "reference": Source(0.02, "1", DEVIATION, "spectroradiometer, when the reference is measured", _factor),
-    "repeatability": Source(0.01, "1", DEVIATION, "the light's intensity from one series to the next", _factor),
+    "reference": Source(0.02, "1", DEVIATION, "spectroradiometer, when the reference is measured", _factor, False),
+    "repeatability": Source(0.01, "1", DEVIATION, "the light's intensity from one series to the next", _factor, False),
     "homogeneity": Source(0.03, "1", LIMITS, "each point of the light", _homogeneity),
-    "diffusivity": Source(0.026, "1", DEVIATION, "the light's deviation from Lambert: its direct part", _factor),
+    "diffusivity": Source(0.026, "1", DEVIATION, "the light's deviation from Lambert: its direct part", _factor, False),
     "interpolation": Source(2.0, "1", LIMITS, "every second value of the light's spectra left out", _interpolation),
     "rendering": Source(1.0, "1", DEVIATION, "other random numbers", _numbers),
 }
@@ -135,10 +140,11 @@ def error_path(mi: Any, job: Job, options: ErrorPath, progress: Callable[[float]
     chosen, rng = sizes(options), np.random.default_rng(options.seed)
     base = predict(mi, job)["radiance"]
     direct = direct_part(mi, job)
-    found, count = np.zeros((len(SOURCES), *base.shape[:2])), len(SOURCES) * options.repeats
+    found = np.zeros((len(SOURCES), *base.shape[:2]))
     for i, (name, source) in enumerate(SOURCES.items()):
         squares = np.zeros(base.shape[:2])
-        for k in range(options.repeats):
+        rounds = options.repeats if source.runs else FACTOR_DRAWS
+        for k in range(rounds):
             changed, factor = source.perturb(job, chosen[name], rng)
             if name == "diffusivity":
                 other = base.values + (factor - 1) * direct.values
@@ -147,8 +153,8 @@ def error_path(mi: Any, job: Job, options: ErrorPath, progress: Callable[[float]
                 other = run * factor
             squares += relative_rms(base.values, other) ** 2
             if progress is not None:
-                progress((i * options.repeats + k + 1) / count)
-        found[i] = np.sqrt(squares / options.repeats)
+                progress((i + (k + 1) / rounds) / len(SOURCES))
+        found[i] = np.sqrt(squares / rounds)
     coords: Mapping[str, Any] = {"source": list(SOURCES), "patch": base["patch"], "angle": base["angle"]}
     data = xr.Dataset({"deviation": (("source", "patch", "angle"), found)}, coords)
     data["combined"] = np.sqrt((data["deviation"] ** 2).sum("source"))

@@ -246,8 +246,12 @@ def verdict(tree: xr.DataTree) -> dict[str, Any]:
     if "error_path" in tree.children:
         path = tree["error_path"].to_dataset()
         each = np.sqrt((path["deviation"].values ** 2).mean(axis=(1, 2)))
+        small = path["angle"].values <= LARGEST_SMALL_ANGLE
+        squared = path["combined"].values ** 2
         found["path"] = {
-            "combined": float(np.sqrt((path["combined"] ** 2).mean())),
+            "combined": float(np.sqrt(squared.mean())),
+            "combined_small": _root_mean(squared[:, small]),
+            "combined_large": _root_mean(squared[:, ~small]),
             "sources": {str(n): float(x) for n, x in zip(path["source"].values, each)},
         }
     if "true" in tree.children:
@@ -264,12 +268,18 @@ def _figures(data: xr.Dataset) -> dict[str, Any]:
     return {
         "nrmse": float(data["nrmse"].mean()),
         "nrmse_rms": float(np.sqrt((data["nrmse"] ** 2).mean())),
+        "nrmse_rms_small": float(np.sqrt((data["nrmse"].where(small) ** 2).mean())),
+        "nrmse_rms_large": float(np.sqrt((data["nrmse"].where(~small) ** 2).mean())),
         "nrmse_small": float(data["nrmse"].where(small).mean()),
         "nrmse_large": float(data["nrmse"].where(~small).mean()),
         "delta_e_2000": float(data["delta_e_2000"].mean()),
         "delta_e_1976": float(data["delta_e_1976"].mean()),
         "correlations": correlations(data),
     }
+
+
+def _root_mean(squares: Floats) -> float:
+    return float(np.sqrt(squares.mean())) if squares.size else float("nan")
 
 
 def _correlation(x: Any, y: Any) -> float:
