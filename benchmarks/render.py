@@ -97,7 +97,8 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a small version, for the tests")
     parser.add_argument("--variant", default="auto")
-    parser.add_argument("--pairs", type=int, default=41)
+    parser.add_argument("--pairs", type=int, default=41, help="of renderings; 0 leaves the overhead out")
+    parser.add_argument("--no-predictions", action="store_true", help="only the overhead")
     parser.add_argument("--all", action="store_true", help="all 312 predictions at 200 wavelengths, not a part")
     chosen = parser.parse_args(arguments)
     choice = choose(chosen.variant)
@@ -106,13 +107,13 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     scalar = choice.variant.startswith("scalar")
     pairs, size, samples = (3, 16, 1) if chosen.quick else (chosen.pairs, 24 if scalar else 256, 2 if scalar else 32)
     found: dict[str, Any] = {"variant": choice.variant, "overhead": {}}
-    for kind in KINDS:
+    for kind in KINDS if pairs else ():
         row = found["overhead"][kind] = overhead(mi, kind, pairs, size, samples)
         print(
             f"{kind}: processor seconds plain {row['plain_s']:.4f} s, extended {row['extended_s']:.4f} s, "
             f"the extension costs {row['overhead']:+.1%} ({row['low']:+.1%} … {row['high']:+.1%}, {pairs} pairs)"
         )
-    if not scalar:
+    if not (scalar or chosen.no_predictions):
         angles = tuple(range(30, 91, 5)) if chosen.all else (30.0, 60.0, 90.0)
         patches = (4,) if chosen.quick else tuple(range(1, 25))
         wavelengths = 8 if chosen.quick else 200
