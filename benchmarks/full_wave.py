@@ -17,6 +17,7 @@ import platform
 import time
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 import vgonio as vg
 from vgonio.wave.full_wave import periodic, profile, tapered
@@ -31,10 +32,11 @@ def machine() -> str:
 
 
 def timed(work):
-    """(result, seconds)"""
-    start = time.perf_counter()
-    result = work()
-    return result, time.perf_counter() - start
+    """(result, processor seconds of one thread): other programs on the machine do not count"""
+    with threadpool_limits(1):
+        start = time.process_time()
+        result = work()
+    return result, time.process_time() - start
 
 
 def efficiency(surface, how: profile.Resolution) -> tuple[np.ndarray, int]:

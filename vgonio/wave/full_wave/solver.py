@@ -39,7 +39,7 @@ class FullWave:
     The surface has to be the same for all y (one row will do) and is continued along y; the plane of incidence is its
     cross-section (phi_i_deg 0 or 180), the source is parallel. A periodic profile is a grating: `scatter` spreads its
     orders as the coherence window does. On a finite one every window is a Gaussian beam, amplitude exp(−x²/2ℓ²) on
-    z = 0, over a piece of 4 ℓ to each side. Cost grows as the cube of (length / λ): `effort.MOST_UNKNOWNS` at most.
+    z = 0, over a piece of 4 ℓ to each side. Cost grows as the square of length/λ, for the largest systems as its cube.
     In TM a right angle of a material with −3 < Re n² < −1/3 and little loss has no regular field: error_achieved tells.
 
     Raises InputError for surfaces, films and light it does not take, MaterialError outside the table, ToleranceError
