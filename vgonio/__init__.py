@@ -60,6 +60,9 @@ _FUNCTIONS = {
     "open": "vgonio.measure.storage",
 }
 
+# parts that hand out results; with them come the pictures as methods, `result.vgonio.plot_lobes()`
+_WITH_PICTURES = {"measure", "open", "simulate"}
+
 __all__ = [
     "__version__",
     "compare",
@@ -84,6 +87,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name in _WITH_PICTURES:
+        importlib.import_module("vgonio.report.accessor")
     if name in _MODULES:
         return importlib.import_module(f"vgonio.{name}")
     if name in _FUNCTIONS:

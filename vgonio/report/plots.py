@@ -1,0 +1,360 @@
+"""The usual pictures of any result in one call: `vg.report.plot_lobes(result)` or `result.vgonio.plot_lobes()`.
+
+>>> tree = vg.open("result.nc")
+>>> tree.vgonio.plot_lobes()                                # all results of the file in one figure
+>>> tree["rays"].vgonio.plot_decomposition(wavelength_nm=450)
+>>> vg.report.plot_lobes(rays).savefig("lobes.png", dpi=200)
+
+A result is a whole one (DataTree of `vg.open`, `vg.simulate`) or one of its datasets. Every function returns a
+matplotlib Figure, which a notebook shows by itself, and raises InputError, with what to use instead, where the result
+does not hold what its picture needs. The functions of `vgonio.report.figures` behind them take datasets by name.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+    Result = xr.DataTree | xr.Dataset
+
+SURFACE_HELP = (
+    "a whole result has it in the group 'surface'; of a Heightfield it is summed up by vgonio.measure.surface_summary"
+)
+
+
+# ---- scattering
+def plot_lobes(result: Result, wavelength_nm: float | None = None, decades: float = 4.5) -> Figure:
+    """BRDF in the plane of incidence against θₒ, logarithmic, a panel for each θᵢ, all results overlaid with ±1 error.
+
+    wavelength_nm : the nearest there is, by default to 550 nm;  decades : depth of the scale.
+    Raises InputError for a hemisphere: use `plot_hemisphere`.
+    """
+    from .figures import lobes
+
+    return lobes(_plane(result, "plot_lobes", "plot_hemisphere"), wavelength_nm, decades)
+
+
+def plot_hemisphere(
+    result: Result, theta_i: float = 30.0, wavelength_nm: float | None = None, decades: float = 3.0
+) -> Figure:
+    """BRDF over the hemisphere for one θᵢ and one wavelength, a map for each result, one logarithmic scale for all.
+
+    theta_i, wavelength_nm : the nearest there are (550 nm by default);  decades : depth of the colour scale.
+    Raises InputError for in-plane results: use `plot_lobes`.
+    """
+    from . import quantities as q
+    from .figures import polar_maps
+
+    sphere = {name: data for name, data in _results(result).items() if not q.in_plane(data)}
+    if not sphere:
+        raise InputError("plot_hemisphere needs a hemisphere and this result is in the plane: use plot_lobes")
+    return polar_maps(sphere, theta_i, wavelength_nm, decades)
+
+
+def plot_decomposition(result: Result, wavelength_nm: float | None = None, theta_i: float = 30.0) -> Figure:
+    """Share of single and multiple reflections of the rays (thesis figure 4.10).
+
+    In the plane of incidence: against θₒ, a panel for each θᵢ. Over the hemisphere: the share of multiple reflections
+    for the θᵢ nearest to `theta_i`. Too few rays to split are hatched or grey.
+    wavelength_nm : the nearest there is, by default to 550 nm. Raises InputError where rays were not split.
+    """
+    from . import figures
+    from . import quantities as q
+
+    rays = _holding(result, "plot_decomposition", "brdf_by_bounce", "results of rays have it")
+    if q.in_plane(rays):
+        return figures.decomposition(rays, wavelength_nm)
+    return figures.polar_decomposition(rays, theta_i, wavelength_nm)
+
+
+def plot_energy(result: Result, wavelength_nm: float | None = None) -> Figure:
+    """Where the energy goes against θᵢ: tallies of the rays, stacked, whose sum is the check; else power of waves.
+
+    wavelength_nm : of the rays, the nearest there is, by default to 550 nm; waves show the range over all wavelengths.
+    Raises InputError where a result holds neither energy_by_bounce nor energy_reflected.
+    """
+    from . import figures
+
+    found = _results(result)
+    rays = next((data for data in found.values() if "energy_by_bounce" in data), None)
+    if rays is not None:
+        return figures.energy(rays, wavelength_nm)
+    return plot_wave_energy(result)
+
+
+def plot_wave_energy(result: Result) -> Figure:
+    """Reflected power of the waves against θᵢ, its range over the wavelengths as a band; 100 % is marked.
+
+    Raises InputError without energy_reflected, which waves have on a hemisphere and with `energy=True`.
+    """
+    from .figures import wave_energy
+
+    found = {name: data for name, data in _results(result).items() if "energy_reflected" in data}
+    if not found:
+        raise InputError(
+            "no energies in this result: energy_by_bounce (rays) or energy_reflected (waves on a hemisphere, or with "
+            "energy=True) is needed"
+        )
+    return wave_energy(found)
+
+
+def plot_mueller(result: Result, theta_i: float = 30.0, wavelength_nm: float | None = None) -> Figure:
+    """All elements of the Mueller matrix over that of I from I against θₒ, for one θᵢ and wavelength.
+
+    theta_i, wavelength_nm : the nearest there are (550 nm by default). Raises InputError where a result was made
+    without `polarised=True`, and for a hemisphere.
+    """
+    from .figures import mueller
+    from .spectral_figures import nearest_incidence
+
+    found = {name: data for name, data in _plane(result, "plot_mueller").items() if "mueller" in data}
+    if not found:
+        raise InputError("plot_mueller needs the variable 'mueller': simulate with polarised = true")
+    return mueller(found, nearest_incidence(found, theta_i), wavelength_nm)
+
+
+def plot_ways(result: Result) -> Figure:
+    """Path length, slope of the last facet and distance of second hits of the rays, by number of reflections.
+
+    Raises InputError where the rays were traced without `statistics=True`.
+    """
+    from .figures import ways
+
+    return ways(_holding(result, "plot_ways", "path_length", "rays have it with statistics = true"))
+
+
+# ---- colour
+def plot_spectra(result: Result, theta_i: float = 40.0, back: float | None = None) -> Figure:
+    """Spectra in the mirror direction and in back-scattering at one θᵢ, absolute and over 600 nm (thesis figure 4.5).
+
+    theta_i : the nearest there is;  back : θₒ of the back-scattering, by default θᵢ.
+    Raises InputError for fewer than three wavelengths.
+    """
+    from .figures import spectra
+
+    return spectra(_spectral(_results(result), "plot_spectra"), theta_i, back)
+
+
+def plot_rgb(result: Result, exposure: float | None = None, chromatic: bool = False) -> Figure:
+    """In-plane maps of the colour under D65, a square for each pair of directions (thesis figures 4.4, 4.7).
+
+    exposure : factor on the linear values, by default the same for all and such that no map has more than 2 % of its
+    squares above white;  chromatic : all squares at the same luminance, so that the colour is left.
+    Raises InputError for a hemisphere, for fewer than three wavelengths, and where they miss the visible.
+    """
+    from ..compare.colour import rgb_map
+    from . import quantities as q
+    from .figures import rgb_maps
+
+    plane = _spectral(_plane(result, "plot_rgb"), "plot_rgb")
+    if exposure is None and not chromatic:
+        exposure = min(float(rgb_map(data).attrs["exposure"]) for data in plane.values())
+    maps = {name: rgb_map(data, exposure, chromatic) for name, data in plane.items()}
+    return rgb_maps(maps, {name: q.title(name, data) for name, data in plane.items()})
+
+
+def plot_delta_e(result: Result, reference: Result | None = None, scale: str = "reference-Y50") -> Figure:
+    """ΔE₀₀ of every result against a reference over the pairs of directions; about 1 is just noticeable.
+
+    reference : another result, by default the last of this one (the measurement where there is one)
+    scale : "reference-Y50", "absolute" or "normalised", see `vg.compare.delta_e_2000`
+    Raises InputError where there is nothing to compare with, for a hemisphere, and for fewer than three wavelengths.
+    """
+    from ..compare.colour import delta_e_2000
+    from . import quantities as q
+    from .figures import delta_e_maps
+
+    plane = _spectral(_plane(result, "plot_delta_e"), "plot_delta_e")
+    if reference is None:
+        *_, name = plane
+        against = plane.pop(name)
+    else:
+        *_, (name, against) = _spectral(_plane(reference, "plot_delta_e"), "plot_delta_e").items()
+    if not plane:
+        raise InputError("plot_delta_e compares results and this is one alone: give another as reference")
+    pairs = {f"{q.title(n, d)} and {q.in_words(name, against)}": d for n, d in plane.items()}
+    return delta_e_maps({words: delta_e_2000(against, data, scale) for words, data in pairs.items()})
+
+
+def plot_shift(result: Result, material: Any = None) -> Figure:
+    """Slope of the linear colour shift against θₒ, fitted spectrum by spectrum, with the global fit (figure 4.8).
+
+    material : of the Fresnel term, by default the result's, else "Al".
+    Raises InputError for a hemisphere, for fewer than three wavelengths and where no shift can be fitted.
+    """
+    from ..compare.comparison import compare
+    from . import quantities as q
+    from . import shifts
+    from .figures import shift_slopes
+
+    plane = _spectral(_plane(result, "plot_shift"), "plot_shift")
+    if material is None:
+        material = next((d.attrs["material"] for d in plane.values() if d.attrs.get("material")), "Al")
+    slopes = shifts.shift_slopes(compare(plane, material=material), plane)
+    if not slopes:
+        raise InputError("no linear shift can be fitted to this result: wavelengths on both sides of 600 nm are needed")
+    return shift_slopes(slopes, {name: q.title(name, data) for name, data in plane.items()})
+
+
+# ---- the surface
+def plot_surface(result: Result) -> Figure:
+    """Height map with its scale bar, and a detail at full resolution where there is one.
+
+    result : a whole one with the group `surface`, or such a summary. Raises InputError where there is none.
+    """
+    from .figures import surface_map
+
+    return surface_map(_surface(result, "plot_surface", "z"))
+
+
+def plot_heights(result: Result) -> Figure:
+    """Distribution of the heights with the Gaussian of the same Sq; InputError without a summary of the surface."""
+    from .figures import height_histogram
+
+    return height_histogram(_surface(result, "plot_heights", "height_density"))
+
+
+def plot_slopes(result: Result) -> Figure:
+    """Distribution of the slopes with the Gaussian of Beckmann's α; InputError without a summary of the surface."""
+    from .figures import slope_histogram
+
+    return slope_histogram(_surface(result, "plot_slopes", "slope_density"))
+
+
+def plot_psd(result: Result) -> Figure:
+    """Power spectral density of the heights against spatial frequency; InputError without a summary of the surface."""
+    from .figures import psd
+
+    return psd(_surface(result, "plot_psd", "psd"))
+
+
+# ---- pages
+def page(result: Result, path: str | os.PathLike[str]) -> Path:
+    """Write the report of a result as one HTML page that needs nothing else; returns the path. See `vg.report.page`."""
+    from .document import page as write
+
+    return write(_tree(result), path)
+
+
+def explore(result: Result, path: str | os.PathLike[str]) -> Path:
+    """Write a page to explore a result in a browser, with sliders for θᵢ, λ and θₒ; see `vg.report.explorer_page`."""
+    from .explorer import explorer_page
+
+    return explorer_page(_tree(result), path)
+
+
+# ---- what a result holds
+def _tree(result: Result) -> xr.DataTree:
+    import xarray as xr
+
+    if isinstance(result, xr.DataTree) and "brdf" not in result.data_vars:
+        return result
+    name = result.name if isinstance(result, xr.DataTree) else None
+    return xr.DataTree.from_dict(_results(result), name=name)
+
+
+def _results(result: Result) -> dict[str, xr.Dataset]:
+    """The BRDFs of a result by name; InputError where there are none."""
+    import xarray as xr
+
+    from . import quantities as q
+
+    if isinstance(result, xr.DataTree) and "brdf" not in result.data_vars:
+        found = q.results(result)
+        if not found:
+            raise InputError(f"this result holds no BRDF: its groups are {', '.join(result.children) or 'none'}")
+        return found
+    data = result.to_dataset() if isinstance(result, xr.DataTree) else result
+    if "brdf" not in data:
+        raise InputError(
+            f"a result with the variable 'brdf' is needed, got {', '.join(map(str, data.data_vars)) or 'no variables'}"
+        )
+    name = result.name if isinstance(result, xr.DataTree) else None
+    return q.results(xr.DataTree.from_dict({name or _name(data): _whole(data)}))
+
+
+def _name(data: xr.Dataset) -> str:
+    """What a dataset without a name is: measured ones say so, waves state their theory, rays split by reflections."""
+    if data.attrs.get("method") == "measured":
+        return "measured"
+    if "theory" in data.attrs:
+        return "waves"
+    return "rays" if {"brdf_by_bounce", "energy_by_bounce"} & set(data.data_vars) else "measured"
+
+
+def _whole(data: xr.Dataset) -> xr.Dataset:
+    """Of a selection at one θᵢ or wavelength the dimension again; InputError where the detector is selected away."""
+    lost = [d for d in ("theta_i", "wavelength") if d not in data["brdf"].dims and d in data.coords]
+    if not {"theta_o", "cell"} & set(data["brdf"].dims):
+        raise InputError(f"figures need all directions of the detector, got 'brdf' over {data['brdf'].dims}")
+    for dim in lost:
+        data = data.expand_dims(dim)
+    if not {"theta_i", "wavelength"} <= set(data["brdf"].dims):
+        raise InputError(f"figures need 'brdf' over theta_i and wavelength, got {data['brdf'].dims}")
+    return data
+
+
+def _plane(result: Result, figure: str, instead: str = "") -> dict[str, xr.Dataset]:
+    from . import quantities as q
+
+    found = {name: data for name, data in _results(result).items() if q.in_plane(data)}
+    if not found:
+        remedy = f": use {instead}" if instead else ""
+        raise InputError(f"{figure} is drawn in the plane of incidence and this result covers a hemisphere{remedy}")
+    return found
+
+
+def _spectral(results: dict[str, xr.Dataset], figure: str) -> dict[str, xr.Dataset]:
+    from . import quantities as q
+
+    found = {name: data for name, data in results.items() if q.spectral(data)}
+    if not found:
+        most = max(data.sizes["wavelength"] for data in results.values())
+        raise InputError(f"{figure} needs spectra, three wavelengths at least: this result has {most}")
+    return found
+
+
+def _holding(result: Result, figure: str, variable: str, help: str) -> xr.Dataset:
+    for data in _results(result).values():
+        if variable in data:
+            return data
+    raise InputError(f"{figure} needs the variable {variable!r}, which this result does not hold: {help}")
+
+
+def _surface(result: Result, figure: str, variable: str) -> xr.Dataset:
+    import xarray as xr
+
+    if isinstance(result, xr.DataTree):
+        node = result.children.get("surface", result)
+        found = node.to_dataset()
+    else:
+        found = result
+    if variable not in found:
+        raise InputError(f"{figure} needs the summary of a surface with {variable!r}: {SURFACE_HELP}")
+    return found
+
+
+PLOTS = (
+    plot_lobes,
+    plot_hemisphere,
+    plot_decomposition,
+    plot_energy,
+    plot_wave_energy,
+    plot_mueller,
+    plot_ways,
+    plot_spectra,
+    plot_rgb,
+    plot_delta_e,
+    plot_shift,
+    plot_surface,
+    plot_heights,
+    plot_slopes,
+    plot_psd,
+)
