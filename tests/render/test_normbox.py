@@ -288,6 +288,22 @@ def test_sources_that_are_a_factor(llvm):
     assert diffuse[0] > diffuse[1] > 0
 
 
+def test_a_perturbed_reference_has_every_source_once():
+    paint = of_model("cook-torrance-1982", {"alpha": 0.5, "eta": 1.5, "k_d": 0.3}, W)
+    job = predictions.Job(Box(), paint, {1: paint}, (30.0, 90.0), W, np.ones((25, 4)), 16)
+    changed, factor = error_path.perturbed_once(job, inputs.ErrorPath(), 3)
+    moved = np.subtract(changed.box.size_mm, job.box.size_mm)
+    assert np.all((np.abs(moved) <= 1) & (moved != 0))
+    turned = np.subtract(changed.angles_deg, job.angles_deg)
+    assert 0 < abs(turned[0]) <= 1
+    assert turned[1] <= 0  # nothing beyond 90°
+    assert 1e-4 < abs(factor - 1) < 0.1
+    each = changed.light[:, 0] / changed.light[:, 0].mean()
+    assert 0.005 < each.std() < 0.03  # limits of 3 %: a standard deviation of 1.7 %
+    assert changed.wall.bsdf["k_d"]["values"] != job.wall.bsdf["k_d"]["values"]
+    assert error_path.perturbed_once(job, inputs.ErrorPath(), 3)[0].key("") == changed.key("")
+
+
 def test_scaled_material_is_the_same_times_a_factor(llvm):
     """k_d, k_s and c carry the factor: the sample's radiance is linear in them."""
     material = of_model("cook-torrance-1982", {"alpha": 0.4, "eta": 1.5, "k_d": [0.2, 0.4, 0.3, 0.6], "c": 0.01}, W)
