@@ -99,7 +99,7 @@ def lobe_of_each(ax: Axes, data: xr.Dataset, keys: list[str], title: str) -> Non
     dim, x, labels = axis_of(data, keys[0])
     here = along(data, keys)[0][1]
     # points that failed have no lobe
-    known = np.flatnonzero(np.isfinite(here["brdf"]).any("theta_o").values)
+    known = np.flatnonzero(here["brdf"].notnull().any("theta_o").values)
     chosen = some(known, MOST_LINES)
     top = 0.0
     for place, i in enumerate(chosen):
