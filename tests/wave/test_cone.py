@@ -116,8 +116,13 @@ def test_a_cut_lattice_is_for_diffuse_light_alone():
     assert abs(nodes.weight @ lobe(nodes.direction) - share @ lobe(wo)) > 0.01 * (share @ window_lobe(k, 0.5)(wo))
     rough = vg.surface.gaussian(rms_um=1.0, correlation_um=5, shape=(128, 128), pitch_um=1.0, seed=1)
     sources = unit_vectors(np.deg2rad(np.array([0.0, 85.0])))
-    chosen = cone_rules(rough, sources, "kirchhoff", np.array([k]), 1 / COHERENCE, np.deg2rad(1), 1e-3, 10_000)
-    assert chosen[0] is CUT  # exp(−(2kσ)²) is nothing
-    assert chosen[1] is not CUT  # at 85° q_z σ = 2.2: some of the light stays in the mirror direction
-    chosen = cone_rules(rough, sources, "kirchhoff", np.array([k]), 1 / COHERENCE, np.deg2rad(1), 1e-3, 10)
-    assert CUT not in chosen  # ten pairs cost nothing
+    wavenumber, many = np.array([k]), Detector.in_plane(np.linspace(-85, 85, 5000), 2.0)
+    chosen = cone_rules(rough, sources, "kirchhoff", wavenumber, 1 / COHERENCE, many, 1e-3)
+    assert chosen[0].rule is CUT  # exp(−(2kσ)²) is nothing
+    assert chosen[1].rule is not CUT  # at 85° q_z σ = 2.2: some of the light stays in the mirror direction
+    assert chosen[1].elements[0]  # and there alone
+    assert chosen[1].elements.sum() < 2500
+    chosen = cone_rules(
+        rough, sources, "kirchhoff", wavenumber, 1 / COHERENCE, Detector.in_plane([0.0, 85.0], 2.0), 1e-3
+    )
+    assert all(c.rule is not CUT for c in chosen)  # four pairs cost nothing

@@ -44,6 +44,14 @@ RULES = (CUT, Rule(0.5, 1.5, 1e-4, 1e-3, 1.0), Rule(0.5, 3.0, 1e-6, 3e-5, 1.0), 
 
 
 @dataclass(frozen=True, eq=False)
+class Choice:
+    """A rule for one source;  elements : (detector elements,) bool that it is for, the others are cut; None for all"""
+
+    rule: Rule
+    elements: NDArray[np.bool_] | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Nodes:
     """Directions at which f is wanted.
 
@@ -55,6 +63,12 @@ class Nodes:
     k: Floats
     weight: Floats
     target: NDArray[np.int64]
+
+    def where(self, elements: NDArray[np.bool_], wavelengths: int, other: Nodes) -> Nodes:
+        """These nodes for the detector elements (e,) bool, those of `other` for the rest."""
+        mine, theirs = elements[self.target // wavelengths], ~elements[other.target // wavelengths]
+        names = ("direction", "k", "weight", "target")
+        return Nodes(*(np.concatenate([getattr(self, n)[mine], getattr(other, n)[theirs]]) for n in names))
 
 
 def cone_nodes(detector: Detector, k: Floats, step: float, across: float = 0.0, rule: Rule = CUT) -> Nodes:

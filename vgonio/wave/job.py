@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..directions import Detector, Incoming
-from .cone import CUT, Nodes, Rule, cell_nodes, cone_nodes
+from .cone import CUT, Choice, Nodes, Rule, cell_nodes, cone_nodes
 from .quadrature import Floats
 from .theories import scattering_vector
 
@@ -119,7 +119,7 @@ def detector_job(
     step: float,
     theory: str,
     seed: int,
-    choose: Callable[[Floats], list[Rule]] | None = None,
+    choose: Callable[[Floats], list[Choice]] | None = None,
 ) -> Job:
     """The job of a detector; `step` is that of scattering vectors across a cone, rad/µm.
 
@@ -130,15 +130,23 @@ def detector_job(
     phi = np.deg2rad(incoming.phi_deg)
     across = sources @ np.array([-np.sin(phi), np.cos(phi), 0.0])
     nodes: list[Nodes] = []
-    rules = [CUT] * len(sources) if choose is None or detector.kind == "hemisphere" else choose(sources)
-    made: dict[Rule, Nodes] = {}
-    for n, rule in enumerate(rules):
+    cut = [Choice(CUT)] * len(sources)
+    choices = cut if choose is None or detector.kind == "hemisphere" else choose(sources)
+    made: dict[tuple[Rule, float], Nodes] = {}
+
+    def cones(rule: Rule, beside: float) -> Nodes:
+        if (rule, beside) not in made:
+            made[rule, beside] = cone_nodes(detector, k, step, beside, rule)
+        return made[rule, beside]
+
+    for n, choice in enumerate(choices):
         if detector.kind == "hemisphere":
             nodes.append(cell_nodes(detector, k, NODES_PER_CELL, rng))
             continue
-        if rule not in made or incoming.divergence_deg > 0:
-            made[rule] = cone_nodes(detector, k, step, float(across[n]) if incoming.divergence_deg else 0.0, rule)
-        nodes.append(made[rule])
+        beside = float(across[n]) if incoming.divergence_deg else 0.0
+        one = cones(choice.rule, beside)
+        some = choice.elements
+        nodes.append(one if some is None else one.where(some, len(k), cones(CUT, beside)))
     counts = [len(one.k) for one in nodes]
     local = np.concatenate([one.target for one in nodes])
     source = np.repeat(np.arange(len(sources)), counts)

@@ -18,7 +18,7 @@ from ..units import wavenumber
 from . import energy, gratings, outcome
 from .amplitudes import HalfVector, LocalFacet, Model
 from .coherence import WindowPlan
-from .cone import Rule
+from .cone import Choice
 from .effort import How, Work
 from .fourier import METHODS
 from .job import Job, detector_job, parallel
@@ -109,9 +109,8 @@ class Kirchhoff:
         plan = WindowPlan.of(surface, incoming.coherence_um, self.windows)
         k = wavenumber(self.wavelength_nm)
 
-        def rules(sources: Floats) -> list[Rule]:
-            pairs = len(sources) * len(detector)
-            return cone_rules(surface, sources, self.theory, k, plan.step, detector.half_angle, self.tol, pairs)
+        def rules(sources: Floats) -> list[Choice]:
+            return cone_rules(surface, sources, self.theory, k, plan.step, detector, self.tol)
 
         job = detector_job(incoming, detector, k, plan.step, self.theory, self.seed, rules)
         # the slope of a window at its end is one kink more
@@ -136,7 +135,7 @@ class Kirchhoff:
         if shadows is not None:
             data.attrs |= {"shadow_step_um": shadows.step_um, "shadow_edge_error": edges}
         if detector.kind == "in-plane":
-            data.attrs |= cone_attributes(rules(parallel(incoming)[0]), detector.half_angle)
+            data.attrs |= cone_attributes(rules(parallel(incoming)[0]))
         data.attrs |= plan.attrs | {
             "error_achieved": max(error, edges, data.attrs.get("cone_error", 0.0)),
             "error_estimate": "largest change of brdf on a grid 1.5 times finer, relative to its maximum over the "

@@ -11,46 +11,48 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..directions import Detector
 from ..surface.heightfield import Heightfield
-from .cone import CUT, RULES, Rule
+from .cone import CUT, RULES, Choice, Rule
 from .quadrature import Floats
 
 POINTLIKE = 0.01  # k ℓ sin a of a cone over which a window's lobe is constant to 5e-5
 WIDE = 4.0  # a diffuse lobe is wide where its width in q is so many 1/ℓ
 LINE = 0.25  # share of the variance in one frequency that makes a grating
+WINGS = 6.0  # in 1/ℓ: beyond, a window's lobe is below 1e-6 of its top
 LARGE = 30.0  # radius of a cone in 1/ℓ from which a Gauss rule is out of proportion
 LITTLE = 50_000  # scattering vectors that are not worth sparing
 FEW = 2  # wavelengths up to which rows of their own are cheaper than shared ones
 
 
 def cone_rules(
-    surface: Heightfield,
-    sources: Floats,
-    theory: str,
-    k: Floats,
-    step: float,
-    half_angle: float,
-    tol: float,
-    pairs: int,
-) -> list[Rule]:
-    """A rule for each source (n, 3); wavenumbers k and the lattice's `step` in rad/µm; `pairs` of source and element.
+    surface: Heightfield, sources: Floats, theory: str, k: Floats, step: float, detector: Detector, tol: float
+) -> list[Choice]:
+    """A rule for each source (n, 3); wavenumbers k and the lattice's `step` in rad/µm.
 
-    Where it costs little, all light is treated as if it came in narrow lobes.
+    Where it costs little, all light is treated as if it came in narrow lobes. Where diffuse light has a coherent rest
+    in the mirror direction, only elements that its lobe reaches have the fine rule.
     """
-    if k.max() * np.sin(half_angle) / step < POINTLIKE:
-        return [CUT] * len(sources)
+    a = detector.half_angle
+    if k.max() * np.sin(a) / step < POINTLIKE:
+        return [Choice(CUT)] * len(sources)
     sigma, slope = float(np.std(surface.z)), float(np.max(rms_slopes(surface)))
     lines = largest_line(surface) > LINE
-    fine = _fine(tol, len(k), float(k.max() * np.sin(half_angle) / step))
-    little = pairs * float(np.sum((3 * k * np.sin(half_angle) / step + 4) ** 2)) < LITTLE
+    fine = _fine(tol, len(k), float(k.max() * np.sin(a) / step))
+    pairs = len(sources) * len(detector)
+    little = pairs * float(np.sum((3 * k * np.sin(a) / step + 4) ** 2)) < LITTLE
     found = []
     for wi in sources:
         q_z = 2 * k.min() * (1.0 if theory == "harvey-shack" else wi[2])
-        coherent = np.exp(-((q_z * sigma) ** 2))
         # share of the diffuse light that a cone catches at its brightest, for normally distributed slopes
-        diffuse = min(1.0, half_angle**2 / max(8 * slope**2, 1e-300))
-        narrow = little or lines or q_z * slope < WIDE * step or CUT.error * coherent > tol * diffuse
-        found.append(fine if narrow else CUT)
+        diffuse = min(1.0, a**2 / max(8 * slope**2, 1e-300))
+        if little or lines or q_z * slope < WIDE * step:
+            found.append(Choice(fine))
+        elif CUT.error * np.exp(-((q_z * sigma) ** 2)) > tol * diffuse:
+            away = np.linalg.norm(detector.directions[:, :2] + wi[:2], axis=1) - np.sin(a)
+            found.append(Choice(fine, away * k.min() / step < WINGS if tol >= 1e-4 else None))
+        else:
+            found.append(Choice(CUT))
     return found
 
 
@@ -61,15 +63,16 @@ def _fine(tol: float, wavelengths: int, radius: float) -> Rule:
     return RULES[1] if tol >= RULES[1].error else RULES[2]
 
 
-def cone_attributes(rules: list[Rule], half_angle: float) -> dict[str, float | str]:
+def cone_attributes(choices: list[Choice]) -> dict[str, float | str]:
     """`cone_rule` in words, and `cone_error`, what the quadrature over a cone is off by relative to the peak."""
-    fine = [r for r in rules if r is not CUT]
+    fine = [c for c in choices if c.rule is not CUT]
     if not fine:
         what = "lattice of 1/ℓ cut at the edge: its error is speckle, in brdf_stderr, or the cone is a point"
         return {"cone_rule": what, "cone_error": 0.0}
-    some = "" if len(fine) == len(rules) else f" for {len(fine)} of {len(rules)} sources"
-    what = "Gauss over the disc" if fine[0].narrow == np.inf else "lattice with a soft edge"
-    return {"cone_rule": f"{what}{some}, for lobes as narrow as a window's", "cone_error": fine[0].error}
+    some = "" if len(fine) == len(choices) else f" for {len(fine)} of {len(choices)} sources"
+    some += "" if any(c.elements is None for c in fine) else " around the mirror direction"
+    what = "Gauss over the disc" if fine[0].rule.narrow == np.inf else "lattice with a soft edge"
+    return {"cone_rule": f"{what}{some}, for lobes as narrow as a window's", "cone_error": fine[0].rule.error}
 
 
 def rms_slopes(surface: Heightfield) -> Floats:

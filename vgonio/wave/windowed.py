@@ -17,6 +17,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import scipy.fft
@@ -61,6 +62,7 @@ def sums(
         along = (np.exp(-1j * np.outer(levels, y)) * g).astype(np.complex128)
         z = ip.grid(y + y_c, x) - middle
         band = Band.of(q[:, 2], float(np.abs(z).max()) * 1.001 + 1e-9, tol)
+        lines = [_lines(band, q[t, 2]) for t in targets]
         S = np.zeros((len(group), len(q)), np.complex128)
         slices = [_columns(w, x, lx, surface.periodic) for w in group]
         size = scipy.fft.next_fast_len(int(OVERSAMPLING_X * max(len(c) for c, _ in slices)) + 1)
@@ -71,14 +73,17 @@ def sums(
         ]
         at_once = max(1, int(MEMORY / (16 * band.count * n)))
         for first in range(0, len(levels), at_once):
-            spectrum = _sum_over_y(z, along[first : first + at_once], band)
-            for r in range(first, min(first + at_once, len(levels))):
+            held = range(first, min(first + at_once, len(levels)))
+            spectrum = _sum_over_y(z, along[first : first + at_once], [lines[r] for r in held], band)
+            for r in held:
+                own = spectrum[r - first, lines[r]]
                 spectra = [
-                    scipy.fft.fft(spectrum[r - first][:, column] * weight, size, axis=1, workers=-1)
+                    scipy.fft.fft(own[:, column] * weight, size, axis=1, workers=-1)
                     for weight, (column, _) in zip(weights, slices)
                 ]
+                part = replace(band, start=band.start + lines[r].start * band.step, count=len(own))
                 some = q[targets[r]]
-                S[:, targets[r]] = _interpolate(spectra, some, [t[0] for _, t in slices], lx / n, size, x_kernel, band)
+                S[:, targets[r]] = _interpolate(spectra, some, [t[0] for _, t in slices], lx / n, size, x_kernel, part)
         area_y = float(np.sum(g**2)) / (2 * half / rows)
         areas = [area_y * float(np.sum(gx**2)) * lx / n for gx in profiles]
         turn = np.exp(-1j * q[:, 2] * middle)
@@ -86,16 +91,26 @@ def sums(
             yield s * turn, area
 
 
-def _sum_over_y(z: Floats, along: Complex, band: Band) -> Complex:
-    """(rows, count, x) Σ_y along(row, y) exp(−i q_l z) / ψ̂(z), z (y, x) from the middle."""
+def _lines(band: Band, qz: Floats) -> slice:
+    """The q_l that the q_z of one row need."""
+    at, _ = band.kernel.taps((np.array([qz.min(), qz.max()]) - band.start) / band.step)
+    return slice(int(at[0]), int(at[1]) + band.kernel.width)
+
+
+def _sum_over_y(z: Floats, along: Complex, lines: list[slice], band: Band) -> Complex:
+    """(rows, count, x) Σ_y along(row, y) exp(−i q_l z) / ψ̂(z), z (y, x) from the middle, at the `lines` of each row."""
     out = np.empty((len(along), band.count, z.shape[1]), np.complex128)
+    wanted = [np.array([s.start <= l < s.stop for s in lines]) for l in range(band.count)]
 
     def block(a: int) -> None:
         part = z[:, a : a + COLUMNS]
         wave = np.exp(-1j * band.start * part) / band.values(part)
         turn = np.exp(-1j * band.step * part)
-        for l in range(band.count):
-            out[:, l, a : a + COLUMNS] = along @ wave
+        for l, rows in enumerate(wanted):
+            if rows.all():
+                out[:, l, a : a + COLUMNS] = along @ wave
+            elif rows.any():
+                out[rows, l, a : a + COLUMNS] = along[rows] @ wave
             wave *= turn
 
     # blocks side by side: the threads of BLAS wait for each other in products as small as these (3 to 40 times slower)
