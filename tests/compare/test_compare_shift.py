@@ -273,3 +273,19 @@ def test_speed_of_the_local_fit():
     begin = time.perf_counter()
     fit_local_shift(data)
     assert time.perf_counter() - begin < 1.0
+
+
+def test_a_spectrum_that_vanishes_at_lambda_n_is_left_out():
+    """The dark directions of a grating hold numbers of 1e-300: divided by one another they are no spectra."""
+    wavelength = np.array([450.0, 550.0, 600.0, 650.0, 750.0])
+    theta = np.arange(-60.0, 61.0, 10.0)
+    values = np.tile(1 + 0.001 * (wavelength - 600), (1, theta.size, 1))
+    values[0, 3] = [1e-3, 1e-3, 1e-300, 1e-3, 1e-3]
+    data = xr.Dataset(
+        {"brdf": (("theta_i", "theta_o", "wavelength"), values)},
+        coords={"theta_i": [30.0], "theta_o": theta, "wavelength": wavelength},
+    )
+    found = fit_global_shift(data, material=None)
+    slope = found["slope_global"].isel(theta_i=0).drop_sel(theta_o=-30)
+    np.testing.assert_allclose(slope, 0.001, atol=1e-6)
+    assert fit_local_shift(data, material=None).attrs["spectra_left_out"] == 1

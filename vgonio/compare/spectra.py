@@ -18,6 +18,9 @@ from .metrics import detector_dim, interpolate_wavelength
 Floats = NDArray[np.float64]
 
 
+DARK = 1e-9  # of a spectrum's largest value
+
+
 @dataclass(frozen=True)
 class Spectra:
     """n spectra over n_λ sorted wavelengths, flattened over (θ_i, detector direction).
@@ -76,7 +79,8 @@ def normalised_spectra(
         raise InputError(f"wavelength_n = {wavelength_n:g} nm lies outside the wavelengths {w[0]:g} to {w[-1]:g} nm")
     f = data["brdf"].values.reshape(-1, w.size)
     f_n = interpolate_wavelength(data[["brdf"]], np.array([wavelength_n]))["brdf"].values.ravel()
-    used = np.isfinite(f_n) & (f_n > 0)
+    # a spectrum that all but vanishes at λ_n (the rounding of a grating's dark directions) cannot be normalised there
+    used = np.isfinite(f_n) & (f_n > DARK * np.max(np.where(np.isfinite(f), f, 0.0), axis=1)) & (f_n > 0)
     scale = np.where(used, f_n, 1.0)
     values = f / scale[:, None]
     # the sample at λ_n is 1 by construction and says nothing
