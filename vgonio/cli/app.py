@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from . import accuracy, display, doctor, fit, measured, render, results, simulate, surface, sweep, validate
+from . import accuracy, display, doctor, explore, fit, measured, render, results, simulate, surface, sweep, validate
 
 app = typer.Typer(
     name="vgonio",
@@ -46,6 +46,7 @@ app.add_typer(measured.app, name="measured")
 app.command("compare")(results.compare)
 app.command("fit")(fit.fit)
 app.command("report")(results.report)
+app.command("explore")(explore.explore)
 app.command("render")(render.render)
 app.command("validate")(validate.validate)
 app.add_typer(display.app, name="display")
