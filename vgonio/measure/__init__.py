@@ -27,3 +27,7 @@ def __getattr__(name: str) -> Any:
     if name in _LATER:
         return getattr(importlib.import_module(f"vgonio.measure.{_LATER[name]}"), name)
     raise AttributeError(f"module 'vgonio.measure' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(set(globals()) | set(__all__))

@@ -1,0 +1,46 @@
+"""How Sphinx builds these pages: `make docs`, warnings are errors."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
+
+from docstrings import as_markup, sources  # noqa: E402
+
+from vgonio import __version__  # noqa: E402
+
+project = "vgonio"
+author = "vgonio developers"
+copyright = "vgonio developers, MIT licence"
+version = release = __version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "sphinxcontrib.bibtex"]
+html_theme = "furo"
+html_title = f"vgonio {__version__}"
+html_show_sphinx = False
+
+myst_heading_anchors = 3
+bibtex_bibfiles = ["../BIBLIOGRAPHY.bib"]
+bibtex_default_style = "plain"
+bibtex_reference_style = "author_year"
+
+# docstrings name code in single backquotes
+default_role = "literal"
+autodoc_default_options = {"members": True, "member-order": "groupwise"}
+autodoc_typehints_format = "short"
+# types of other packages, and names that only type checkers see: nothing on these pages to link to
+nitpick_ignore_regex = [("py:.*", r".*")]
+
+
+KNOWN = sources(ROOT / "BIBLIOGRAPHY.bib")
+
+
+def _prepare(app, what, name, obj, options, lines: list[str]) -> None:
+    lines[:] = as_markup(lines, KNOWN)
+
+
+def setup(app) -> None:
+    app.connect("autodoc-process-docstring", _prepare)
