@@ -124,19 +124,43 @@ def plan(
 def init(
     scene: Annotated[Path, typer.Argument(metavar="[SCENE]", help="File to write.")] = Path("scene.toml"),
     force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.", show_default=False)] = False,
+    schema: Annotated[
+        bool,
+        typer.Option(
+            "--schema",
+            help="Also the JSON schema for editors, beside the scene; a scene that is there is kept.",
+            show_default=False,
+        ),
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Write a commented scene to start from.
 
-    It runs as it is, on a generated surface.
+    It runs as it is, on a generated surface. With its schema an editor completes keys, explains them, marks mistakes.
 
     Example: vgonio init scene.toml && vgonio simulate scene.toml
     """
     from importlib.resources import files
 
+    first = _write_schema(scene.parent) if schema else ""
+    if schema and scene.exists() and not force:
+        say(f"kept {scene}: for editors its first line has to be {first.strip()}")
+        return
     if scene.exists() and not force:
         raise InputError(f"{scene} is there already: choose another name, or --force to overwrite it")
     text = (files("vgonio") / "template.toml").read_text(encoding="utf-8").replace("NAME", scene.stem)
+    text = first + text
     with written_whole(scene) as stream:
         stream.write(text.encode())
     say(f"wrote {scene}: edit it, then `vgonio plan {scene}` and `vgonio simulate {scene}`")
+
+
+def _write_schema(folder: Path) -> str:
+    """Write the schema into a folder; the line with which a scene names it."""
+    from ..scene.schema import SCHEMA_FILE, SCHEMA_LINE, scene_schema
+
+    path = folder / SCHEMA_FILE
+    with written_whole(path) as stream:
+        stream.write((json.dumps(scene_schema(), ensure_ascii=False, indent=1) + "\n").encode())
+    say(f"wrote {path}")
+    return f"{SCHEMA_LINE}\n"

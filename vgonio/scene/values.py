@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from pydantic import AfterValidator
@@ -51,6 +52,16 @@ def whole(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
+@dataclass(frozen=True, slots=True)
+class Words(AfterValidator):
+    """A check of a word that tells a JSON schema which words there are."""
+
+    allowed: tuple[str, ...] = ()
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
+        return {**handler(core), "enum": list(self.allowed)}
+
+
 def one_of(allowed: Iterable[str], later: Iterable[str] = ()) -> AfterValidator:
     """A word out of `allowed`; a word of `later` is refused as not offered yet."""
     allowed = tuple(allowed)
@@ -62,7 +73,7 @@ def one_of(allowed: Iterable[str], later: Iterable[str] = ()) -> AfterValidator:
             raise InputError(f"{value!r} is unknown: {nearest(value, allowed)}")
         return value
 
-    return AfterValidator(check)
+    return Words(check, allowed)
 
 
 def not_offered(what: str) -> str:
