@@ -70,7 +70,7 @@ def evaluate(
     chosen = _choose(method, surface, vectors, spacing, tol)
     if rule != "cells" and len(vectors) > 4 * CHECKED:
         spacing = _tried(surface, vectors, spacing, rule, w, tol)
-    eps, discretisation, rounding = tol / 3, 0.0, 0.0
+    eps, discretisation, rounding = tol / 10, 0.0, 0.0
     for attempt in range(8):
         points = sample(surface, spacing, rule, w)
         S = apply(chosen, points, vectors, eps)
@@ -215,25 +215,29 @@ def _has_opencl() -> bool:
 
 
 def _subset(S: Complex, q: Floats) -> np.ndarray:
-    """The strongest, the farthest, and some in between: a sorted selection of at most CHECKED vectors."""
+    """The strongest, the farthest, and twice as many in between: a sorted selection of at most CHECKED vectors."""
     m = len(q)
     if m <= CHECKED:
         return np.arange(m)
-    third = CHECKED // 3
-    strong = np.argsort(-np.abs(S))[:third]
-    far = np.argsort(-np.linalg.norm(q, axis=1))[:third]
-    return np.unique(np.concatenate([strong, far, np.linspace(0, m - 1, third).astype(int)]))
+    strong = np.argsort(-np.abs(S))[: CHECKED // 4]
+    far = np.argsort(-np.linalg.norm(q, axis=1))[: CHECKED // 4]
+    return np.unique(np.concatenate([strong, far, _between(m)]))
+
+
+def _between(m: int) -> np.ndarray:
+    """Those of m vectors that stand for all that are not computed again."""
+    return np.linspace(0, m - 1, CHECKED // 2).astype(int)
 
 
 def _distance(S: Complex, a: Complex, b: Complex, some: np.ndarray) -> float:
-    """‖a − b‖₂/‖S‖₂ with a, b at the vectors `some`; the vectors that were not computed again count in proportion."""
+    """‖a − b‖₂/‖S‖₂ with a, b at the vectors `some`; the vectors that were not computed again count as those in
+    between (not as the farthest, at the edge of a transform's band, where its error is largest)."""
     total = np.linalg.norm(S)
     delta = np.abs(a - b)
     if total == 0:
         return float(np.linalg.norm(delta))
-    weakest = np.setdiff1d(some, np.argsort(-np.abs(S))[: len(some) // 3])
     rest = len(S) - len(some)
-    typical = np.mean(delta[np.isin(some, weakest)] ** 2) if len(weakest) else 0.0
+    typical = np.mean(delta[np.isin(some, _between(len(S)))] ** 2) if rest else 0.0
     return float(np.sqrt(np.sum(delta**2) + rest * typical) / total)
 
 
