@@ -182,15 +182,20 @@ def test_bad_options(options, said):
         (["nowhere.bsdf"], "no such file"),
         (["nowhere.json"], "no such file"),
         (["cook-torrance-1982:alpha=0.3", "-o", "a.jpg"], "a.jpg"),
+        (["junk.bsdf"], "no tensor file"),
+        (["cook-torrance-1982:alpha=0.3", "--mesh", "junk.ply"], "Mitsuba cannot read junk.ply: "),
+        (["cook-torrance-1982:alpha=0.3", "--wavelengths", "500:600"], "START:STOP:STEP"),
     ],
 )
 def test_bad_input_is_one_line(arguments, said, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    for name in ("junk.bsdf", "junk.ply"):
+        (tmp_path / name).write_text("junk")
     assert main(["render", *arguments, "--size", "8"]) == 2
     err = capsys.readouterr().err
     assert said in err
     assert err.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["junk.bsdf", "junk.ply"]
 
 
 def test_command(capsys, tmp_path):

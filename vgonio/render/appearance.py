@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..dataset import check
 from ..errors import FileFormatError, InputError, nearest
 from ..materials import material
+from ..measure import tensor_file
 from ..models import MODELS
 from . import bsdf as plugins
 
@@ -98,7 +99,7 @@ def _as_table(model: str, parameters: Mapping[str, Any], wavelength_nm: Any, nam
 
     w = np.arange(400.0, 721.0, 20.0) if wavelength_nm is None else np.sort(np.asarray(wavelength_nm, float))
     path, note = formula_file(model, parameters, w)
-    return of_table(path, name or model, (float(w.min()), float(w.max())), note)
+    return of_table(path, name or model, note)
 
 
 def of_fit(fit: xr.Dataset, name: str = "fit") -> Appearance:
@@ -168,17 +169,20 @@ def of_dataset(data: xr.Dataset, name: str = "result", fill: Any = "half-angle",
     from .tables import table_file
 
     path, note = table_file(data, fill, folder)
-    w = data["wavelength"].values
-    return of_table(path, name, (float(w.min()), float(w.max())), note)
+    return of_table(path, name, note)
 
 
-def of_table(
-    path: str | os.PathLike[str], name: str | None = None, range_nm: tuple[float, float] | None = None, note: str = ""
-) -> Appearance:
-    """A BRDF in a file of RGL (.bsdf), rendered by Mitsuba's `measured`."""
+def of_table(path: str | os.PathLike[str], name: str | None = None, note: str = "") -> Appearance:
+    """A BRDF in a file of RGL (.bsdf), rendered by Mitsuba's `measured`.
+
+    Raises FileFormatError for a file that is missing, damaged, or holds no spectra.
+    """
     path = Path(path)
     if not path.is_file():
         raise FileFormatError(f"no such file: {path}")
-    return Appearance(
-        name or path.stem, {"type": "measured", "filename": str(path)}, TABLE, range_nm or (360.0, 1000.0), note
-    )
+    fields = tensor_file.read(path)
+    if "wavelengths" not in fields or "spectra" not in fields:
+        raise FileFormatError(f"{path} holds no spectra (its fields: {', '.join(fields)}): the spectral file is needed")
+    w = np.asarray(fields["wavelengths"], dtype=np.float64)
+    made = {"type": "measured", "filename": str(path)}
+    return Appearance(name or path.stem, made, TABLE, (float(w.min()), float(w.max())), note)

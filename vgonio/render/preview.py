@@ -98,7 +98,12 @@ def scenes_of(mi: Any, options: Preview, bsdf: Any) -> list[Any]:
         },
         "object": {**(mesh or {"type": "sphere"}), "bsdf": dict(bsdf)},
     }
-    return [mi.load_dict({**parts, "light": light}) for light in _lights(at)]
+    try:
+        return [mi.load_dict({**parts, "light": light}) for light in _lights(at)]
+    except RuntimeError as e:
+        # a mesh or a table that Mitsuba does not read; the last part of its message says what it met
+        what = options.mesh or bsdf.get("filename", "the material")
+        raise FileFormatError(f"Mitsuba cannot read {what}: {str(e).rpartition('] ')[2]}") from None
 
 
 def _lights(at: Any) -> list[dict[str, Any]]:

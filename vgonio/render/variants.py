@@ -112,12 +112,12 @@ def _works(variant: str, library: str) -> tuple[bool, str]:
 
 
 def _limit_threads() -> None:
-    """As many threads as `--threads` (OMP_NUM_THREADS) says."""
+    """As many threads as `--threads` (OMP_NUM_THREADS) says, but two at least: with one, writing an EXR never ends."""
     wanted = os.environ.get("OMP_NUM_THREADS", "")
     if wanted.isdigit() and int(wanted) > 0:
         import drjit
 
-        drjit.set_thread_count(int(wanted))
+        drjit.set_thread_count(max(2, int(wanted)))
 
 
 def use(choice: Choice | str = "auto") -> Any:
