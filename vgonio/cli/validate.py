@@ -65,9 +65,7 @@ def validate(
     ] = None,
     write_inputs: Annotated[
         Path | None,
-        typer.Option(
-            "--write-inputs", metavar="FOLDER", help="Also the data of a virtual scene, as files."
-        ),
+        typer.Option("--write-inputs", metavar="FOLDER", help="Also the data of a virtual scene, as files."),
     ] = None,
     as_json: Json = False,
     threads: Threads = None,
