@@ -17,16 +17,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from .chosen import holding, in_the_plane, results_of, surface_of, tree_of, with_spectra
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
     Result = xr.DataTree | xr.Dataset
-
-SURFACE_HELP = (
-    "a whole result has it in the group 'surface'; of a Heightfield it is summed up by vgonio.measure.surface_summary"
-)
 
 
 # ---- scattering
@@ -38,7 +35,7 @@ def plot_lobes(result: Result, wavelength_nm: float | None = None, decades: floa
     """
     from .figures import lobes
 
-    return lobes(_plane(result, "plot_lobes", "plot_hemisphere"), wavelength_nm, decades)
+    return lobes(in_the_plane(result, "plot_lobes", "plot_hemisphere"), wavelength_nm, decades)
 
 
 def plot_hemisphere(
@@ -52,7 +49,7 @@ def plot_hemisphere(
     from . import quantities as q
     from .figures import polar_maps
 
-    sphere = {name: data for name, data in _results(result).items() if not q.in_plane(data)}
+    sphere = {name: data for name, data in results_of(result).items() if not q.in_plane(data)}
     if not sphere:
         raise InputError("plot_hemisphere needs a hemisphere and this result is in the plane: use plot_lobes")
     return polar_maps(sphere, theta_i, wavelength_nm, decades)
@@ -68,7 +65,7 @@ def plot_decomposition(result: Result, wavelength_nm: float | None = None, theta
     from . import figures
     from . import quantities as q
 
-    rays = _holding(result, "plot_decomposition", "brdf_by_bounce", "results of rays have it")
+    rays = holding(result, "plot_decomposition", "brdf_by_bounce", "results of rays have it")
     if q.in_plane(rays):
         return figures.decomposition(rays, wavelength_nm)
     return figures.polar_decomposition(rays, theta_i, wavelength_nm)
@@ -82,7 +79,7 @@ def plot_energy(result: Result, wavelength_nm: float | None = None) -> Figure:
     """
     from . import figures
 
-    found = _results(result)
+    found = results_of(result)
     rays = next((data for data in found.values() if "energy_by_bounce" in data), None)
     if rays is not None:
         return figures.energy(rays, wavelength_nm)
@@ -96,7 +93,7 @@ def plot_wave_energy(result: Result) -> Figure:
     """
     from .figures import wave_energy
 
-    found = {name: data for name, data in _results(result).items() if "energy_reflected" in data}
+    found = {name: data for name, data in results_of(result).items() if "energy_reflected" in data}
     if not found:
         raise InputError(
             "no energies in this result: energy_by_bounce (rays) or energy_reflected (waves on a hemisphere, or with "
@@ -114,7 +111,7 @@ def plot_mueller(result: Result, theta_i: float = 30.0, wavelength_nm: float | N
     from .figures import mueller
     from .spectral_figures import nearest_incidence
 
-    found = {name: data for name, data in _plane(result, "plot_mueller").items() if "mueller" in data}
+    found = {name: data for name, data in in_the_plane(result, "plot_mueller").items() if "mueller" in data}
     if not found:
         raise InputError("plot_mueller needs the variable 'mueller': simulate with polarised = true")
     return mueller(found, nearest_incidence(found, theta_i), wavelength_nm)
@@ -127,7 +124,7 @@ def plot_ways(result: Result) -> Figure:
     """
     from .figures import ways
 
-    return ways(_holding(result, "plot_ways", "path_length", "rays have it with statistics = true"))
+    return ways(holding(result, "plot_ways", "path_length", "rays have it with statistics = true"))
 
 
 # ---- colour
@@ -139,7 +136,7 @@ def plot_spectra(result: Result, theta_i: float = 40.0, back: float | None = Non
     """
     from .figures import spectra
 
-    return spectra(_spectral(_results(result), "plot_spectra"), theta_i, back)
+    return spectra(with_spectra(results_of(result), "plot_spectra"), theta_i, back)
 
 
 def plot_rgb(result: Result, exposure: float | None = None, chromatic: bool = False) -> Figure:
@@ -153,7 +150,7 @@ def plot_rgb(result: Result, exposure: float | None = None, chromatic: bool = Fa
     from . import quantities as q
     from .figures import rgb_maps
 
-    plane = _spectral(_plane(result, "plot_rgb"), "plot_rgb")
+    plane = with_spectra(in_the_plane(result, "plot_rgb"), "plot_rgb")
     if exposure is None and not chromatic:
         exposure = min(float(rgb_map(data).attrs["exposure"]) for data in plane.values())
     maps = {name: rgb_map(data, exposure, chromatic) for name, data in plane.items()}
@@ -171,12 +168,12 @@ def plot_delta_e(result: Result, reference: Result | None = None, scale: str = "
     from . import quantities as q
     from .figures import delta_e_maps
 
-    plane = _spectral(_plane(result, "plot_delta_e"), "plot_delta_e")
+    plane = with_spectra(in_the_plane(result, "plot_delta_e"), "plot_delta_e")
     if reference is None:
         *_, name = plane
         against = plane.pop(name)
     else:
-        *_, (name, against) = _spectral(_plane(reference, "plot_delta_e"), "plot_delta_e").items()
+        *_, (name, against) = with_spectra(in_the_plane(reference, "plot_delta_e"), "plot_delta_e").items()
     if not plane:
         raise InputError("plot_delta_e compares results and this is one alone: give another as reference")
     pairs = {f"{q.title(n, d)} and {q.in_words(name, against)}": d for n, d in plane.items()}
@@ -194,7 +191,7 @@ def plot_shift(result: Result, material: Any = None) -> Figure:
     from . import shifts
     from .figures import shift_slopes
 
-    plane = _spectral(_plane(result, "plot_shift"), "plot_shift")
+    plane = with_spectra(in_the_plane(result, "plot_shift"), "plot_shift")
     if material is None:
         material = next((d.attrs["material"] for d in plane.values() if d.attrs.get("material")), "Al")
     slopes = shifts.shift_slopes(compare(plane, material=material), plane)
@@ -211,28 +208,28 @@ def plot_surface(result: Result) -> Figure:
     """
     from .figures import surface_map
 
-    return surface_map(_surface(result, "plot_surface", "z"))
+    return surface_map(surface_of(result, "plot_surface", "z"))
 
 
 def plot_heights(result: Result) -> Figure:
     """Distribution of the heights with the Gaussian of the same Sq; InputError without a summary of the surface."""
     from .figures import height_histogram
 
-    return height_histogram(_surface(result, "plot_heights", "height_density"))
+    return height_histogram(surface_of(result, "plot_heights", "height_density"))
 
 
 def plot_slopes(result: Result) -> Figure:
     """Distribution of the slopes with the Gaussian of Beckmann's α; InputError without a summary of the surface."""
     from .figures import slope_histogram
 
-    return slope_histogram(_surface(result, "plot_slopes", "slope_density"))
+    return slope_histogram(surface_of(result, "plot_slopes", "slope_density"))
 
 
 def plot_psd(result: Result) -> Figure:
     """Power spectral density of the heights against spatial frequency; InputError without a summary of the surface."""
     from .figures import psd
 
-    return psd(_surface(result, "plot_psd", "psd"))
+    return psd(surface_of(result, "plot_psd", "psd"))
 
 
 # ---- pages
@@ -240,105 +237,14 @@ def page(result: Result, path: str | os.PathLike[str]) -> Path:
     """Write the report of a result as one HTML page that needs nothing else; returns the path. See `vg.report.page`."""
     from .document import page as write
 
-    return write(_tree(result), path)
+    return write(tree_of(result), path)
 
 
 def explore(result: Result, path: str | os.PathLike[str]) -> Path:
     """Write a page to explore a result in a browser, with sliders for θᵢ, λ and θₒ; see `vg.report.explorer_page`."""
     from .explorer import explorer_page
 
-    return explorer_page(_tree(result), path)
-
-
-# ---- what a result holds
-def _tree(result: Result) -> xr.DataTree:
-    import xarray as xr
-
-    if isinstance(result, xr.DataTree) and "brdf" not in result.data_vars:
-        return result
-    name = result.name if isinstance(result, xr.DataTree) else None
-    return xr.DataTree.from_dict(_results(result), name=name)
-
-
-def _results(result: Result) -> dict[str, xr.Dataset]:
-    """The BRDFs of a result by name; InputError where there are none."""
-    import xarray as xr
-
-    from . import quantities as q
-
-    if isinstance(result, xr.DataTree) and "brdf" not in result.data_vars:
-        found = q.results(result)
-        if not found:
-            raise InputError(f"this result holds no BRDF: its groups are {', '.join(result.children) or 'none'}")
-        return found
-    data = result.to_dataset() if isinstance(result, xr.DataTree) else result
-    if "brdf" not in data:
-        raise InputError(
-            f"a result with the variable 'brdf' is needed, got {', '.join(map(str, data.data_vars)) or 'no variables'}"
-        )
-    name = result.name if isinstance(result, xr.DataTree) else None
-    return q.results(xr.DataTree.from_dict({name or _name(data): _whole(data)}))
-
-
-def _name(data: xr.Dataset) -> str:
-    """What a dataset without a name is: measured ones say so, waves state their theory, rays split by reflections."""
-    if data.attrs.get("method") == "measured":
-        return "measured"
-    if "theory" in data.attrs:
-        return "waves"
-    return "rays" if {"brdf_by_bounce", "energy_by_bounce"} & set(data.data_vars) else "measured"
-
-
-def _whole(data: xr.Dataset) -> xr.Dataset:
-    """Of a selection at one θᵢ or wavelength the dimension again; InputError where the detector is selected away."""
-    lost = [d for d in ("theta_i", "wavelength") if d not in data["brdf"].dims and d in data.coords]
-    if not {"theta_o", "cell"} & set(data["brdf"].dims):
-        raise InputError(f"figures need all directions of the detector, got 'brdf' over {data['brdf'].dims}")
-    for dim in lost:
-        data = data.expand_dims(dim)
-    if not {"theta_i", "wavelength"} <= set(data["brdf"].dims):
-        raise InputError(f"figures need 'brdf' over theta_i and wavelength, got {data['brdf'].dims}")
-    return data
-
-
-def _plane(result: Result, figure: str, instead: str = "") -> dict[str, xr.Dataset]:
-    from . import quantities as q
-
-    found = {name: data for name, data in _results(result).items() if q.in_plane(data)}
-    if not found:
-        remedy = f": use {instead}" if instead else ""
-        raise InputError(f"{figure} is drawn in the plane of incidence and this result covers a hemisphere{remedy}")
-    return found
-
-
-def _spectral(results: dict[str, xr.Dataset], figure: str) -> dict[str, xr.Dataset]:
-    from . import quantities as q
-
-    found = {name: data for name, data in results.items() if q.spectral(data)}
-    if not found:
-        most = max(data.sizes["wavelength"] for data in results.values())
-        raise InputError(f"{figure} needs spectra, three wavelengths at least: this result has {most}")
-    return found
-
-
-def _holding(result: Result, figure: str, variable: str, help: str) -> xr.Dataset:
-    for data in _results(result).values():
-        if variable in data:
-            return data
-    raise InputError(f"{figure} needs the variable {variable!r}, which this result does not hold: {help}")
-
-
-def _surface(result: Result, figure: str, variable: str) -> xr.Dataset:
-    import xarray as xr
-
-    if isinstance(result, xr.DataTree):
-        node = result.children.get("surface", result)
-        found = node.to_dataset()
-    else:
-        found = result
-    if variable not in found:
-        raise InputError(f"{figure} needs the summary of a surface with {variable!r}: {SURFACE_HELP}")
-    return found
+    return explorer_page(tree_of(result), path)
 
 
 PLOTS = (

@@ -1,0 +1,111 @@
+"""Which parts of a result a picture takes, and the words with which it is refused where they are not there."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    Result = xr.DataTree | xr.Dataset
+
+SURFACE_HELP = (
+    "a whole result has it in the group 'surface'; of a Heightfield it is summed up by vgonio.measure.surface_summary"
+)
+
+
+def tree_of(result: Result) -> xr.DataTree:
+    """A whole result as it is; of a single one the tree that holds it alone."""
+    import xarray as xr
+
+    if isinstance(result, xr.DataTree) and "brdf" not in result.data_vars:
+        return result
+    name = result.name if isinstance(result, xr.DataTree) else None
+    return xr.DataTree.from_dict(results_of(result), name=name)
+
+
+def results_of(result: Result) -> dict[str, xr.Dataset]:
+    """The BRDFs of a result by name; InputError where there are none."""
+    import xarray as xr
+
+    from . import quantities as q
+
+    if isinstance(result, xr.DataTree) and "brdf" not in result.data_vars:
+        found = q.results(result)
+        if not found:
+            raise InputError(f"this result holds no BRDF: its groups are {', '.join(result.children) or 'none'}")
+        return found
+    data = result.to_dataset() if isinstance(result, xr.DataTree) else result
+    if "brdf" not in data:
+        raise InputError(
+            f"a result with the variable 'brdf' is needed, got {', '.join(map(str, data.data_vars)) or 'no variables'}"
+        )
+    name = result.name if isinstance(result, xr.DataTree) else None
+    return q.results(xr.DataTree.from_dict({name or _name(data): _whole(data)}))
+
+
+def _name(data: xr.Dataset) -> str:
+    """What a dataset without a name is: measured ones say so, waves state their theory, rays split by reflections."""
+    if data.attrs.get("method") == "measured":
+        return "measured"
+    if "theory" in data.attrs:
+        return "waves"
+    return "rays" if {"brdf_by_bounce", "energy_by_bounce"} & set(data.data_vars) else "measured"
+
+
+def _whole(data: xr.Dataset) -> xr.Dataset:
+    """Of a selection at one θᵢ or wavelength the dimension again; InputError where the detector is selected away."""
+    lost = [d for d in ("theta_i", "wavelength") if d not in data["brdf"].dims and d in data.coords]
+    if not {"theta_o", "cell"} & set(data["brdf"].dims):
+        raise InputError(f"figures need all directions of the detector, got 'brdf' over {data['brdf'].dims}")
+    for dim in lost:
+        data = data.expand_dims(dim)
+    if not {"theta_i", "wavelength"} <= set(data["brdf"].dims):
+        raise InputError(f"figures need 'brdf' over theta_i and wavelength, got {data['brdf'].dims}")
+    return data
+
+
+def in_the_plane(result: Result, figure: str, instead: str = "") -> dict[str, xr.Dataset]:
+    """The results in the plane of incidence; InputError where all cover a hemisphere."""
+    from . import quantities as q
+
+    found = {name: data for name, data in results_of(result).items() if q.in_plane(data)}
+    if not found:
+        remedy = f": use {instead}" if instead else ""
+        raise InputError(f"{figure} is drawn in the plane of incidence and this result covers a hemisphere{remedy}")
+    return found
+
+
+def with_spectra(results: dict[str, xr.Dataset], figure: str) -> dict[str, xr.Dataset]:
+    """Those of three wavelengths at least; InputError where there are none."""
+    from . import quantities as q
+
+    found = {name: data for name, data in results.items() if q.spectral(data)}
+    if not found:
+        most = max(data.sizes["wavelength"] for data in results.values())
+        raise InputError(f"{figure} needs spectra, three wavelengths at least: this result has {most}")
+    return found
+
+
+def holding(result: Result, figure: str, variable: str, help: str) -> xr.Dataset:
+    """The first result that holds a variable; InputError, with where it comes from, where none does."""
+    for data in results_of(result).values():
+        if variable in data:
+            return data
+    raise InputError(f"{figure} needs the variable {variable!r}, which this result does not hold: {help}")
+
+
+def surface_of(result: Result, figure: str, variable: str) -> xr.Dataset:
+    """The summary of a surface, of a whole result or by itself; InputError where the variable is not in it."""
+    import xarray as xr
+
+    if isinstance(result, xr.DataTree):
+        node = result.children.get("surface", result)
+        found = node.to_dataset()
+    else:
+        found = result
+    if variable not in found:
+        raise InputError(f"{figure} needs the summary of a surface with {variable!r}: {SURFACE_HELP}")
+    return found
