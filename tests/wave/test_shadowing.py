@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import vgonio as vg
 from vgonio.errors import InputError, VgonioWarning
+from vgonio.materials import material
 from vgonio.surface import Heightfield
-from vgonio.wave import Kirchhoff
+from vgonio.wave import Kirchhoff, reference
+from vgonio.wave.amplitudes import HalfVector, LocalFacet
+from vgonio.wave.coherence import WindowPlan
+from vgonio.wave.job import detector_job
+from vgonio.wave.weighted import Place, Shadows, intensity
 
 
 def gaussian(sigma: float, correlation: float, side: float, pitch: float = 0.5) -> Heightfield:
@@ -112,3 +118,29 @@ def test_short_wavelengths_become_the_rays_that_are_not_blocked():
     assert error[0] < 0.15 * expected[0]
     assert np.all(np.abs(shadowed.brdf.values.ravel() - expected) < 3 * error + 0.1 * expected)
     assert plain.brdf.values.ravel()[0] > 1.25 * expected[0]
+
+
+def test_shells_add_up_to_what_each_pair_sees():
+    """Shared transforms of shells against a direct sum in double precision for each pair of source and element."""
+    surface, nm = gaussian(0.6, 3.0, side=16), (500.0, 600.0)
+    gonio = vg.measure.Gonioreflectometer([-50, 0, 40, 75], [-80, -60, 0, 30, 70], aperture_deg=1, coherence_um=4)
+    plan = WindowPlan.of(surface, 4.0, 1)
+    job = detector_job(gonio.incoming, gonio.detector, 2e3 * np.pi / np.array(nm), plan.step, "kirchhoff", 0)
+    place = Place.of(surface, plan, plan.windows[0], (0.4, 0.4), "uniform")
+    shadows = Shadows.of(surface, (0.4, 0.4))
+    for model in (HalfVector("kirchhoff", material("Al"), nm, "s"), LocalFacet("kirchhoff", material("Al"), "s")):
+        shells = intensity(place, surface, job, model, nm, shadows, "nufft", 1e-8, 0.0)
+        expected = np.empty_like(shells)
+        for n in range(len(job.q)):
+            seen = np.ones(place.points.z.shape, bool)
+            for direction in (job.wi[n], job.views[job.view[n]]):
+                mask = shadows.at(direction, place.y, place.x)
+                seen = seen if mask is None else seen & mask
+            field = model.fields(job.wi[n], nm[job.wavelength[n]], place.facets(surface))[0]
+            points = replace(place.points, weight=place.points.weight * seen * field)
+            one = job.some(np.array([n]))
+            S = reference.transform(points, one.q)[None]
+            expected[:, n] = model.intensity(S, one)[:, 0] * (one.prefactor / place.area)
+        assert np.abs(shells - expected).max() < 1e-6 * expected.max()
+    plain = intensity(place, surface, job, model, nm, None, "nufft", 1e-8, 0.0)
+    assert np.abs(plain - expected).max() > 0.1 * expected.max()

@@ -41,7 +41,8 @@ class Kirchhoff:
     method : of `surface_fourier`: "nufft", "opencl", "reference" or "auto"
     windows : at most so many coherence windows, spread over the sample; None takes all that tile it
     shadowing : points that the source or the centre of the detector element cannot see get weight zero; A_w stays that
-        of the whole window. Each shadowed pair of source and element costs a transform of its own in every window
+        of the whole window. Points that the same sources and elements see share a transform in the plane of incidence;
+        over the hemisphere each shadowed pair costs one of its own in every window
     fresnel : reflectance at the "half" vector, or amplitudes at each "local" facet (s and p apart, no cross-
         polarisation; two transforms for each angle of incidence and wavelength)
 

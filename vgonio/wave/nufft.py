@@ -21,6 +21,7 @@ STRIP = 4_000_000  # points of one transform: more are cut into strips along y, 
 MEMORY = 1.5e9  # bytes that one transform's grid may take
 ROW_LIMIT = 64  # more rows than this are better served by the three-dimensional transform
 EPS_FLOOR = 1e-14
+DIRECT = 20_000  # terms up to which the plain sum is quicker than a transform
 
 
 def transform(points: Points, q: Floats, tol: float, azimuth: float | None = None) -> Complex:
@@ -94,6 +95,29 @@ def _rows(points: Points, q: Floats, level: Floats, row: NDArray[np.int64], azim
         p.setpts(u, z, s=along[target], t=np.ascontiguousarray(q[target, 2]))
         out[target] = p.execute(strength)
     return out
+
+
+def some(points: Points, which: NDArray[np.int64], q: Floats, tol: float, azimuth: float) -> Complex:
+    """(m,) sums of the points of flat index `which` alone, at q (m, 3) in rows along `azimuth`."""
+    c, s = np.cos(azimuth), np.sin(azimuth)
+    iy, ix = np.divmod(which, points.z.shape[1])
+    x, y, z = points.x[ix], points.y[iy], points.z.ravel()[which]
+    weight = points.weight.ravel()[which]
+    u, v = c * x + s * y, c * y - s * x
+    along, across = c * q[:, 0] + s * q[:, 1], c * q[:, 1] - s * q[:, 0]
+    scale = max(float(np.abs(q).max()), 1e-300)
+    levels, row = np.unique(np.round(across / scale * 1e12), return_inverse=True)
+    out = np.zeros(len(q), np.complex128)
+    for i, level in enumerate(levels):
+        target = np.flatnonzero(row == i)
+        strength = weight * np.exp(-1j * level * scale * 1e-12 * v)
+        if len(which) * len(target) < DIRECT:
+            out[target] = np.exp(-1j * (np.outer(along[target], u) + np.outer(q[target, 2], z))) @ strength
+            continue
+        p = plan(2, tol)
+        p.setpts(u, z, s=along[target], t=np.ascontiguousarray(q[target, 2]))
+        out[target] = p.execute(strength)
+    return out * points.factor(q)
 
 
 def grid_bytes(points: Points, q: Floats, tol: float) -> float:

@@ -2,7 +2,8 @@
 
 S depends on q alone, but a shadow depends on θ_i or θ_o and a facet's amplitude on θ_i and λ. The scattering vectors
 fall into groups with one weight each. What is not shadowed within the window stays one group, so that angles without
-shadows cost what they did; every shadowed pair (source, detector element) is a transform of its own.
+shadows cost what they did. Directions of one azimuth hide more and more points the lower they are, so the points fall
+into shells, and in the plane of incidence each shell is one transform for all pairs (source, element) that see it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..surface.heightfield import Heightfield
 from ..surface.visibility import visible
+from . import nufft
 from .amplitudes import Facets, Model
 from .coherence import Window, WindowPlan
 from .fourier import apply
@@ -114,42 +116,112 @@ def intensity(
     """(outcomes, m) of the model at every scattering vector of the job, from one window, divided by A_w."""
     S = np.zeros((model.parts, len(job.q)), np.complex128)
     facets = place.facets(surface) if model.local else Facets(np.zeros((1, 1)), np.zeros((1, 1)))
-    lit = [shadows.at(w, place.y, place.x) if shadows else None for w in job.sources]
-    hidden = np.array([s is not None for s in lit])
-    seen = _partly_seen(job, shadows, place)
-    source = np.where(hidden[job.source] | model.local, job.source, -1)
-    wavelength = np.where(model.local, job.wavelength, -1)
-    view = np.where(np.isin(job.view, seen), job.view, -1)
-    order = np.lexsort((view, wavelength, source))
-    keys = np.stack([source, wavelength, view])[:, order]
-    first = np.flatnonzero(np.concatenate([[True], np.any(np.diff(keys, axis=1) != 0, axis=0)]))
-    fields, last = np.ones((1, 1, 1), np.complex128), (-2, -2)
-    for a, b in itertools.pairwise([*first, len(order)]):
-        s, w, v = (int(key) for key in keys[:, a])
-        if model.local and (s, w) != last:
-            fields, last = model.fields(job.sources[s], wavelength_nm[w], facets), (s, w)
-        weight = place.points.weight
-        view_mask = shadows.at(job.views[v], place.y, place.x) if shadows and v >= 0 else None
-        for mask in (lit[s] if s >= 0 else None, view_mask):
-            weight = weight if mask is None else weight * mask
-        if not weight.any():
-            continue
-        nodes = order[a:b]
-        for part in range(model.parts):
-            full = weight * fields[part] if model.local else weight
-            if not full.any():
+    views = _chains(job.views, np.unique(job.view), shadows, place)
+    everything = _chains(job.sources, np.arange(len(job.sources)), shadows, place)
+    source, wavelength = np.where(model.local, job.source, -1), np.where(model.local, job.wavelength, -1)
+    for s, w in np.unique(np.stack([source, wavelength]), axis=1).T:
+        group = np.flatnonzero((source == s) & (wavelength == w))
+        fields = np.ones((1, 1, 1), np.complex128)
+        if model.local:
+            fields = model.fields(job.sources[s], wavelength_nm[w], facets)
+        sources = [chain.only(s) for chain in everything if s in chain.rank] if model.local else everything
+        for lit, seen in itertools.product(sources, views):
+            nodes = group[lit.holds(job.source[group]) & seen.holds(job.view[group])]
+            if len(nodes) == 0:
                 continue
-            S[part, nodes] = _sum(method, replace(place.points, weight=full), job.q[nodes], eps, azimuth)
+            ranks = (lit.ranks(job.source[nodes]), seen.ranks(job.view[nodes]))
+            for part in range(model.parts):
+                full = place.points.weight * fields[part] if model.local else place.points.weight
+                if not full.any():
+                    continue
+                points = replace(place.points, weight=full)
+                S[part, nodes] = _shaded(method, points, job.q[nodes], eps, azimuth, ranks, (lit.count, seen.count))
     return model.intensity(S, job) * (job.prefactor / place.area)
 
 
-def _partly_seen(job: Job, shadows: Shadows | None, place: Place) -> NDArray[np.int64]:
-    """Those views that do not see all points."""
-    if shadows is None:
-        return np.zeros(0, np.int64)
-    return np.array(
-        [v for v in np.unique(job.view) if shadows.at(job.views[v], place.y, place.x) is not None], np.int64
-    )
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Directions of one azimuth from the highest down: what one of them sees, those before it see too.
+
+    rank : of each direction, by its index: 0 for those that see everything
+    count : (ny, nx) how many of the others see each point: a direction sees it where its rank is no larger; 0 if none
+    """
+
+    rank: dict[int, int]
+    count: NDArray[np.uint16]
+
+    def holds(self, index: NDArray[np.int64]) -> Bools:
+        return np.isin(index, list(self.rank))
+
+    def ranks(self, index: NDArray[np.int64]) -> NDArray[np.int64]:
+        table = np.zeros(max(self.rank) + 1, np.int64)
+        table[list(self.rank)] = list(self.rank.values())
+        return table[index]
+
+    def only(self, index: int) -> Chain:
+        """The same for one of the directions alone."""
+        r = self.rank[index]
+        return Chain({index: min(r, 1)}, np.asarray(self.count >= r if r else np.zeros((1, 1)), np.uint16))
+
+
+def _chains(directions: Floats, index: NDArray[np.int64], shadows: Shadows | None, place: Place) -> list[Chain]:
+    """The directions (n, 3) with an `index` in chains; those that see all points go with the first."""
+    free, azimuths = [], dict[tuple[float, ...], list[int]]()
+    for i in index:
+        d = directions[i]
+        if shadows is None or shadows.at(d, place.y, place.x) is None:
+            free.append(int(i))
+        else:
+            azimuths.setdefault(tuple(np.round(d[:2] / np.hypot(d[0], d[1]), 9) + 0.0), []).append(int(i))
+    found = []
+    for members in azimuths.values():
+        members.sort(key=lambda i: -directions[i, 2])
+        count, seen = np.zeros(place.points.z.shape, np.uint16), np.ones((1, 1), bool)
+        for i in members:
+            mask = shadows.at(directions[i], place.y, place.x) if shadows else None
+            seen = seen if mask is None else seen & mask
+            count += seen
+        found.append(Chain({i: r + 1 for r, i in enumerate(members)}, count))
+    if not found:
+        return [Chain(dict.fromkeys(free, 0), np.zeros((1, 1), np.uint16))]
+    found[0].rank.update(dict.fromkeys(free, 0))
+    return found
+
+
+def _shaded(
+    method: str,
+    points: Points,
+    q: Floats,
+    eps: float,
+    azimuth: float | None,
+    ranks: tuple[NDArray[np.int64], NDArray[np.int64]],
+    counts: tuple[NDArray[np.uint16], NDArray[np.uint16]],
+) -> Complex:
+    """(m,) sums over the points that source and view of each scattering vector see.
+
+    In rows of scattering vectors a transform costs as much as it has points: those seen by the same directions go
+    through one of their own, to all vectors whose source and view see them, so that each point is spread once.
+    """
+    out = np.zeros(len(q), np.complex128)
+    lit, seen = ranks
+    if not (lit.any() or seen.any()):
+        return _sum(method, points, q, eps, azimuth)
+    many = int(counts[1].max()) + 1
+    if method == "nufft" and azimuth is not None:
+        kind = np.where(points.weight != 0, counts[0].astype(np.int32) * many + counts[1], -1).ravel()
+        order = np.argsort(kind, kind="stable")
+        kinds, first = np.unique(kind[order], return_index=True)
+        for n, some in zip(kinds, np.split(order, first[1:])):
+            nodes = np.flatnonzero((lit <= n // many) & (seen <= n % many))
+            if n >= 0 and len(nodes):
+                out[nodes] += nufft.some(points, some, q[nodes], eps / 4, azimuth)  # errors of shells add up
+        return out
+    for a, b in np.unique(np.stack([lit, seen]), axis=1).T:
+        nodes = np.flatnonzero((lit == a) & (seen == b))
+        weight = points.weight * ((counts[0] >= a) & (counts[1] >= b))
+        if weight.any():
+            out[nodes] = _sum(method, replace(points, weight=weight), q[nodes], eps, azimuth)
+    return out
 
 
 def _sum(method: str, points: Points, q: Floats, eps: float, azimuth: float | None) -> Complex:
