@@ -46,6 +46,11 @@ def mitsuba() -> Any:
         import mitsuba as mi
     except ModuleNotFoundError:
         raise BackendError('the Python package mitsuba is missing: pip install "vgonio[render]"') from None
+    import drjit
+
+    # on a machine of one processor as well: with one thread Mitsuba 3.9 does not end writing an EXR
+    if drjit.thread_count() < 2:
+        drjit.set_thread_count(2)
     return mi
 
 
