@@ -104,7 +104,7 @@ def scene(case: str, quick: bool) -> dict:
         angles = {"theta_i_deg": [0, 40], "theta_o_deg": np.arange(-80, 81, 20)}
     wavelengths = np.linspace(400, 780, 3 if quick else 20)
     if case == "whole map":
-        gonio = vg.measure.Gonioreflectometer(**angles, aperture_deg=1e-3, coherence_um=None)
+        gonio = vg.measure.Gonioreflectometer(**angles, aperture_deg=1e-4, coherence_um=None)
         solver = vg.wave.Kirchhoff("Al", wavelengths, tol=1e-4)
     else:
         gonio = vg.measure.Gonioreflectometer(**angles, aperture_deg=2.0, coherence_um=5 if quick else 30)

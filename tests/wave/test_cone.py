@@ -7,6 +7,7 @@ import pytest
 
 import vgonio as vg
 from vgonio.directions import Detector, unit_vectors
+from vgonio.errors import VgonioWarning
 from vgonio.surface import Heightfield
 from vgonio.wave import Kirchhoff, nufft
 from vgonio.wave.coherence import WindowPlan, patch
@@ -126,3 +127,15 @@ def test_a_cut_lattice_is_for_diffuse_light_alone():
         rough, sources, "kirchhoff", wavenumber, 1 / COHERENCE, Detector.in_plane([0.0, 85.0], 2.0), 1e-3
     )
     assert all(c.rule is not CUT for c in chosen)  # four pairs cost nothing
+
+
+def test_cells_that_miss_a_narrow_lobe_say_so():
+    """A mirror's lobe of 0.5° in cells of 10°, of which four directions see nothing; a rough surface has no such."""
+    gonio = vg.measure.Gonioreflectometer.hemisphere([30], resolution_deg=10, coherence_um=10)
+    with pytest.warns(VgonioWarning, match="narrow against the cells"):
+        data = gonio.measure(narrow("mirror"), Kirchhoff("perfect", [WAVELENGTH], tol=1e-2, windows=1))
+    assert data.attrs["cell_error"] == pytest.approx(abs(data.energy_reflected.item() - 1), abs=0.05)
+    rough = vg.surface.gaussian(rms_um=0.6, correlation_um=3, shape=(64, 64), pitch_um=0.5, seed=1)
+    gonio = vg.measure.Gonioreflectometer.hemisphere([30], resolution_deg=10, coherence_um=4)
+    data = gonio.measure(rough, Kirchhoff("perfect", [WAVELENGTH], tol=1e-2, windows=1))
+    assert data.attrs["cell_error"] < 1e-9

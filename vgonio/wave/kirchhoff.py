@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from ..directions import Detector, Incoming, wavelength_list
-from ..errors import InputError, nearest, relative_tolerance, whole
+from ..errors import InputError, VgonioWarning, nearest, relative_tolerance, whole
 from ..materials import Material, material
 from ..surface.heightfield import Heightfield
 from ..units import wavenumber
@@ -22,13 +23,14 @@ from .cone import Choice
 from .effort import How, Work
 from .fourier import METHODS
 from .job import Job, detector_job, parallel
-from .lobes import cone_attributes, cone_rules
+from .lobes import cell_attributes, cone_attributes, cone_rules
 from .polarisation import VectorKirchhoff
 from .quadrature import Floats, choose_rule
 from .theories import THEORIES
 from .weighted import Shadows
 
 FRESNEL = ("half", "local")
+NARROW = 0.3  # error of narrow lobes in cells of a hemisphere from which it is warned of
 
 
 @dataclass(frozen=True)
@@ -137,6 +139,16 @@ class Kirchhoff:
             data.attrs |= {"shadow_step_um": shadows.step_um, "shadow_edge_error": edges}
         if detector.kind == "in-plane":
             data.attrs |= cone_attributes(rules(parallel(incoming)[0]))
+        else:
+            data.attrs |= cell_attributes(surface, job, self.theory, plan.step, detector)
+            if data.attrs["cell_error"] > max(self.tol, NARROW):
+                warnings.warn(
+                    f"waves: lobes are narrow against the cells of the hemisphere, whose few directions miss or "
+                    f"overrate the brightest by up to {data.attrs['cell_error']:.0%}: take a smaller resolution_deg "
+                    "or coherence_um, or cones in the plane of incidence",
+                    VgonioWarning,
+                    stacklevel=3,
+                )
         data.attrs |= plan.attrs | {
             "error_achieved": max(error, edges, data.attrs.get("cone_error", 0.0)),
             "error_estimate": "largest change of brdf on a grid 1.5 times finer, relative to its maximum over the "

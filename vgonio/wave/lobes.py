@@ -14,9 +14,10 @@ import numpy as np
 from ..directions import Detector
 from ..surface.heightfield import Heightfield
 from .cone import CUT, RULES, Choice, Rule
+from .job import Job
 from .quadrature import Floats
 
-POINTLIKE = 0.01  # k ℓ sin a of a cone over which a window's lobe is constant to 5e-5
+POINTLIKE = 0.01  # k ℓ sin a of a cone over which a window's lobe is constant to 5e-5, and √tol does for tol / 2
 WIDE = 4.0  # a diffuse lobe is wide where its width in q is so many 1/ℓ
 LINE = 0.25  # share of the variance in one frequency that makes a grating
 WINGS = 6.0  # in 1/ℓ: beyond, a window's lobe is below 1e-6 of its top
@@ -34,7 +35,7 @@ def cone_rules(
     in the mirror direction, only elements that its lobe reaches have the fine rule.
     """
     a = detector.half_angle
-    if k.max() * np.sin(a) / step < POINTLIKE:
+    if k.max() * np.sin(a) / step < max(POINTLIKE, np.sqrt(tol)):
         return [Choice(CUT)] * len(sources)
     sigma, slope = float(np.std(surface.z)), float(np.max(rms_slopes(surface)))
     lines = largest_line(surface) > LINE
@@ -73,6 +74,31 @@ def cone_attributes(choices: list[Choice]) -> dict[str, float | str]:
     some += "" if any(c.elements is None for c in fine) else " around the mirror direction"
     what = "Gauss over the disc" if fine[0].rule.narrow == np.inf else "lattice with a soft edge"
     return {"cone_rule": f"{what}{some}, for lobes as narrow as a window's", "cone_error": fine[0].rule.error}
+
+
+def cell_attributes(surface: Heightfield, job: Job, theory: str, step: float, detector: Detector) -> dict[str, float]:
+    """`cell_error`: what the few directions in the cells of a hemisphere make of a lobe as narrow as a window's.
+
+    The lobe exp(−q²/step²) of the light that stays in the mirror direction has ∫ ds = π step²/k²; the directions add it
+    up to something else. That is weighed with the coherent share of the light in the brightest cell.
+    """
+    narrow = job.weight * np.exp(-np.sum((job.q[:, :2] / step) ** 2, axis=1)) * job.k**2 / (np.pi * step**2)
+    caught = np.einsum("iew,e->iw", job.gather(narrow), detector.projected_solid_angle)
+    sigma, slope = float(np.std(surface.z)), float(np.max(rms_slopes(surface)))
+    angles, _, wavelengths = job.shape
+    largest, k = np.zeros((angles, wavelengths)), np.zeros((angles, wavelengths))
+    at = (job.target // (wavelengths * len(detector)), job.wavelength)
+    np.maximum.at(largest, at, job.wi[:, 2])
+    np.maximum.at(k, at, job.k)
+    q_z = 2 * k * (1.0 if theory == "harvey-shack" else largest)
+    coherent = np.exp(-((q_z * sigma) ** 2))
+    if largest_line(surface) > LINE:
+        coherent[:] = 1.0
+    coherent = np.where(q_z * slope < WIDE * step, 1.0, coherent)
+    # share of the diffuse light in the brightest cell, for normally distributed slopes
+    diffuse = min(1.0, float(detector.projected_solid_angle.max()) / max(8 * np.pi * slope**2, 1e-300))
+    weighed = coherent / np.maximum(coherent + (1 - coherent) * diffuse, 1e-300)
+    return {"cell_error": float(np.max(np.abs(caught - 1) * weighed))}
 
 
 def rms_slopes(surface: Heightfield) -> Floats:
