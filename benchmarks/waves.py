@@ -28,6 +28,8 @@ from vgonio.wave import nufft, opencl, reference
 from vgonio.wave.fourier import evaluate
 from vgonio.wave.quadrature import Points
 
+ASKED = 1e9  # terms per second that the direct sum was to reach
+
 
 def machine() -> str:
     """Processor, threads and versions that the figures belong to."""
@@ -69,6 +71,13 @@ def direct_rates(points: int = 40_000, vectors: int = 400) -> dict[str, float]:
     many[:, 1] = 0
     _, seconds = timed(lambda: nufft.transform(p, many, 1e-4))
     rates["nufft"] = p.size * len(many) / seconds
+    # as many points and targets in one call as the whole map has in one of its strips
+    side, targets = round(10 * np.sqrt(points)), 11_000
+    x = np.arange(side) * 0.1
+    large = Points(x, x, rng.normal(size=(side, side)), np.full((side, side), 0.01))
+    q = np.stack([rng.uniform(-30, 30, targets), np.zeros(targets), rng.uniform(2, 33, targets)], axis=1)
+    _, seconds = timed(lambda: nufft.transform(large, q, 1e-4))
+    rates["nufft, map"] = large.size * targets / seconds
     return rates
 
 
@@ -178,7 +187,7 @@ def main(arguments: list[str] | None = None) -> dict:
     print(machine())
     rates = direct_rates()
     for name, rate in rates.items():
-        print(f"{name:10s} {rate:10.3g} terms/s   {rate / rates['numpy']:8.1f} × numpy")
+        print(f"{name:10s} {rate:10.3g} terms/s   {rate / rates['numpy']:8.1f} × numpy {rate / ASKED:8.2f} × 1e9")
     cases = [hemisphere(asked.quick), cells(asked.quick)]
     cases += [scene("everyday windows", asked.quick), scene("whole map", asked.quick)]
     for c in cases:
