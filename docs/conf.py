@@ -21,6 +21,7 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "sphin
 html_theme = "furo"
 html_title = f"vgonio {__version__}"
 html_show_sphinx = False
+smartquotes = False  # names in quotes are typed as they stand
 
 myst_heading_anchors = 3
 bibtex_bibfiles = ["../BIBLIOGRAPHY.bib"]

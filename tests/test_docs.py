@@ -1,0 +1,164 @@
+"""The pages: they build without a warning, and what they tell people to type exists."""
+
+from __future__ import annotations
+
+import functools
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import click
+import pytest
+import typer.main
+
+from vgonio.scene import TABLES, load_scene
+from vgonio.surface import __all__ as SURFACE_NAMES
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+REST = {
+    "material": {"name": "Al"},
+    "light": {"wavelength_nm": [550], "theta_i_deg": [0]},
+    "detector": {"theta_o_deg": [0]},
+    "wave": {"theory": "kirchhoff"},
+}
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.M | re.S)
+
+
+def blocks(language: str) -> list:
+    """Code blocks of one language on all pages, each named by its page."""
+    return [
+        pytest.param(code, id=f"{page.relative_to(ROOT)}-{number}")
+        for page in PAGES
+        for number, (kind, code) in enumerate(FENCE.findall(page.read_text(encoding="utf-8")))
+        if kind == language
+    ]
+
+
+def commands() -> list[str]:
+    """Lines of plain code blocks, and code in the text with options, that begin with `vgonio`; comments left away."""
+    found = set()
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        lines = [line for kind, code in FENCE.findall(text) if not kind for line in code.splitlines()]
+        lines += re.findall(r"`(vgonio [^`\n]+)`", FENCE.sub("", text))
+        found |= {part.strip() for line in lines for part in line.split("&&") if part.strip().startswith("vgonio ")}
+    return sorted(found)
+
+
+@functools.cache
+def program() -> click.Command:
+    from vgonio.cli.app import app
+
+    return typer.main.get_command(app)
+
+
+def unknown(line: str) -> str:
+    """What of a command line does not exist: a command or an option; "" where all of it does."""
+    words = shlex.split(line, comments=True)[1:]
+    command = program()
+    while words and hasattr(command, "commands"):
+        if words[0] in ("…", "--help", "--version"):
+            return ""
+        for name in (names := words.pop(0).split("|")):
+            if name not in command.commands:
+                return f"command {name}"
+        command = command.commands[names[0]]
+    options = {o for p in command.params for o in (*p.opts, *p.secondary_opts)} | {"--help", "-h"}
+    return next((w for w in words if re.match(r"--?[a-z]", w) and w.partition("=")[0] not in options), "")
+
+
+@pytest.mark.parametrize("line", commands())
+def test_commands_and_options_exist(line: str) -> None:
+    assert unknown(line) == ""
+
+
+def test_a_wrong_command_line_is_found() -> None:
+    assert unknown("vgonio simulat scene.toml") == "command simulat"
+    assert unknown("vgonio plan scene.toml --jsn") == "--jsn"
+    assert unknown("vgonio surface make gaussian --set a=1 -o x.npz   # so") == ""
+    assert len(commands()) > 30, "the pages have some forty command lines; fewer means that they are not found any more"
+
+
+@pytest.mark.parametrize("code", blocks("toml"))
+def test_toml_is_a_scene_or_a_study(code: str) -> None:
+    data = tomllib.loads(code)
+    if "vary" in data:
+        from vgonio.studies.study import KEYS
+
+        assert set(data) <= set(KEYS)
+        assert {key.partition(".")[0] for key in data["vary"]} <= set(TABLES)
+    elif set(data) == {"surface"}:  # one table, to be put into a scene
+        load_scene({**REST, **data})
+    else:
+        load_scene(data)
+
+
+@pytest.mark.parametrize("code", blocks("python"))
+def test_python_compiles_and_names_what_exists(code: str) -> None:
+    import vgonio
+
+    compile(code, "page", "exec")
+    for chain in set(re.findall(r"\bvg((?:\.\w+)+)", code)):
+        thing = vgonio
+        for name in chain[1:].split("."):
+            thing = getattr(thing, name)  # AttributeError names the page's mistake
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_links_and_pictures_exist(page: Path) -> None:
+    text = FENCE.sub("", page.read_text(encoding="utf-8"))
+    targets = [t.partition("#")[0] for t in re.findall(r"\]\(([^)\s]+)\)", text) if "://" not in t]
+    assert [t for t in targets if t and not (page.parent / t).exists()] == []
+
+
+def test_docstrings_become_lists_and_links() -> None:
+    sys.path.insert(0, str(DOCS))
+    try:
+        from docstrings import as_markup, sources
+    finally:
+        sys.path.remove(str(DOCS))
+    known = sources(ROOT / "BIBLIOGRAPHY.bib")
+    assert known["Spizzichino", "1963"] == known["Beckmann", "1963"] == "beckmann1963"
+    lines = ["|S|² (Yan 2018; Nobody 1900).", "a : one;  b : two", "    goes on", "Then prose."]
+    assert as_markup(lines, known) == [
+        "\\|S\\|² (:cite:t:`yan2018`; Nobody 1900).",
+        *("", "- **a**: one", "- **b**: two", "  goes on"),
+        *("", "Then prose."),
+    ]
+
+
+@pytest.fixture(scope="session")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The pages, built as `make docs` does: a warning is an error."""
+    for module in ("sphinx", "myst_parser", "furo", "sphinxcontrib.bibtex"):
+        pytest.importorskip(module, reason=f"no {module}: pip install 'vgonio[docs]'")
+    folder = tmp_path_factory.mktemp("docs")
+    options = ["-W", "--keep-going", "-n", "-q", "-d", str(folder / "trees")]
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", *options, str(DOCS), str(folder / "html")],
+        capture_output=True,
+        text=True,
+        timeout=240,
+    )
+    assert done.returncode == 0, done.stderr
+    return folder / "html"
+
+
+def test_pages_build_without_a_warning(built: Path) -> None:
+    api = (built / "api" / "surface.html").read_text(encoding="utf-8")
+    assert [name for name in SURFACE_NAMES if f'id="vgonio.surface.{name}"' not in api] == []
+    # names that their module loads only when asked are there as well
+    assert 'id="vgonio.measure.calibrate"' in (built / "api" / "measure.html").read_text(encoding="utf-8")
+
+
+def test_the_table_of_proofs_is_whole(built: Path) -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    section = readme.split("## Validated against")[1].split("\n## ")[0]
+    rows = [line for line in section.splitlines() if line.startswith("|")]
+    page = (built / "validated.html").read_text(encoding="utf-8")
+    assert page.count("<tr") == len(rows) - 1 > 60  # the line of dashes is no row
