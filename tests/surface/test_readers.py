@@ -252,6 +252,18 @@ def test_implausible_files_are_warned_about(tmp_path, z, pitch, word):
         sf.read(npz(tmp_path / "a.npz", z=z, pitch_um=pitch))
 
 
+def test_rows_that_are_all_equal_have_no_implausible_side(tmp_path):
+    """Eight rows of a profile, 0.4 µm: the same heights with one changed row are a strip, and are warned about."""
+    profile = np.repeat(0.05 * np.sin(np.arange(200) / 5)[None], 8, axis=0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sf.read(npz(tmp_path / "a.npz", z=profile, pitch_um=0.05))
+    with pytest.warns(VgonioWarning, match="a side of 0.4 µm"):
+        sf.read(npz(tmp_path / "b.npz", z=profile + 1e-3 * (np.arange(8) == 3)[:, None], pitch_um=0.05))
+    with pytest.warns(VgonioWarning, match="a side of 0.8 µm"):  # the side along the profile still counts
+        sf.read(npz(tmp_path / "c.npz", z=profile[:, :16], pitch_um=0.05))
+
+
 def test_plausible_files_are_not(tmp_path):
     smooth = sf.gaussian(0.5, 5, (64, 64), 0.5).z
     with warnings.catch_warnings():

@@ -34,7 +34,8 @@ def implausible(surface: Heightfield) -> list[str]:
     for pitch in dict.fromkeys(surface.pitch_um):
         if not PITCH_UM[0] <= pitch <= PITCH_UM[1]:
             found.append(f"a pitch of {pitch:.4g} µm (expected {PITCH_UM[0]:g} to {PITCH_UM[1]:g} µm)")
-    for side, n in dict.fromkeys(zip(surface.size_um, surface.shape)):
+    repeated = (surface.is_profile, False)  # rows that are all equal say nothing of a size along y
+    for side, n in dict.fromkeys((side, n) for side, n, no in zip(surface.size_um, surface.shape, repeated) if not no):
         if n > 1 and not SIDE_UM[0] <= side <= SIDE_UM[1]:
             found.append(f"a side of {side:.4g} µm (expected {SIDE_UM[0]:g} to {SIDE_UM[1]:g} µm)")
     if sq and not SQ_UM[0] <= sq <= SQ_UM[1]:
