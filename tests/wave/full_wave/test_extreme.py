@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import vgonio as vg
 from vgonio.errors import ToleranceError, VgonioWarning
 from vgonio.materials import Material
 from vgonio.wave import FullWave
-from vgonio.wave.full_wave import effort
+from vgonio.wave.full_wave import effort, forecast, profile
 
 GLASS = Material("glass", "test", lambda w: np.full(np.shape(w), 1.5 + 0j), (100.0, 10_000.0))
 MATERIALS = pytest.mark.parametrize("made", ["perfect", "Al", GLASS], ids=["perfect", "Al", "glass"])
@@ -128,3 +129,32 @@ def test_where_a_second_solution_is_too_dear_a_coarser_one_gives_the_error(monke
     monkeypatch.setattr(effort, "MOST_UNKNOWNS", 20)
     with pytest.raises(ToleranceError, match="at most 20 unknowns"):
         FullWave("Al").orders(surface, [0.0])
+
+
+@pytest.mark.parametrize("interpolation", ["cubic", "linear", "nearest"])
+@pytest.mark.parametrize("periodic", [False, True])
+def test_heights_out_of_all_proportion_are_refused_before_memory_is_asked_for(interpolation, periodic):
+    """8 m of profile on 50 µm, 10⁷ panels: refused, and told by the forecast, from its length alone."""
+    x = (np.arange(1000) + 0.5) * 0.05
+    heights = 4e5 * np.sin(2 * np.pi * x / 5)[None]
+    surface = vg.surface.Heightfield(heights, 0.05, periodic=periodic, interpolation=interpolation)
+    solver, incoming = FullWave("Al", [550.0]), vg.directions.Incoming([0.0])
+    assert not forecast(solver, surface, incoming).affordable  # numpy's imports come before memory is traced
+    tracemalloc.start()
+    try:
+        with pytest.raises(ToleranceError, match="unknowns are solved"):
+            solver.scatter(surface, incoming, vg.directions.Detector.in_plane([0.0, 10.0], aperture_deg=2.0))
+        assert not forecast(solver, surface, incoming).affordable
+        assert tracemalloc.get_traced_memory()[1] < 20e6  # 0.3 MB; panels would be 10 GB
+    finally:
+        tracemalloc.stop()
+
+
+def test_the_fewest_nodes_are_no_more_than_there_are():
+    rng = np.random.default_rng(1)
+    for interpolation in ("cubic", "linear", "nearest"):
+        surface = vg.surface.Heightfield(rng.normal(0, 0.2, (1, 300)), 0.2, interpolation=interpolation)
+        how = profile.Resolution(0.5, 1e-4)
+        least, made = profile.fewest_nodes(surface, 3.03, 50.1, how), profile.cut(surface, 3.03, 50.1, how).size
+        # panels shrink towards the corners of the others: 300 of them here, at most 10 panels each
+        assert (0.3 if interpolation == "cubic" else 0.05) * made < least <= made

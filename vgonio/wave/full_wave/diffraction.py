@@ -35,12 +35,13 @@ def solved(
     wavelength, index = float(nm_to_um(wavelength_nm)), solver.index(wavelength_nm)
     period = profile.period_of(surface, wavelength)
 
+    def price(nodes: int) -> effort.Cost:
+        return effort.cost(nodes, index, len(polarisations), len(theta), True)
+
     def run(round_: int) -> tuple[Floats, Table, float]:
-        curve = profile.one_period(
-            surface, wavelength, effort.resolution(surface, wavelength, index, solver.tol, round_)
-        )
-        price = effort.cost(curve.size, index, len(polarisations), len(theta), True)
-        effort.require_affordable(price, f"a period of {period:.3g} µm at {wavelength_nm:g} nm")
+        how = effort.resolution(surface, wavelength, index, solver.tol, round_)
+        span, what = profile.period_span(surface, wavelength), f"a period of {period:.3g} µm at {wavelength_nm:g} nm"
+        curve = effort.affordable(surface, span, how, price, what)
         grating = Grating.of(curve, period, wavelength, index, polarisations)
         found = [grating.diffract(float(t), polarisations) for t in theta]
         table = [[one[p] for one in found] for p in range(len(polarisations))]

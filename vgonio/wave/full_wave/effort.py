@@ -10,8 +10,8 @@ import numpy as np
 
 from ...errors import ToleranceError
 from ...surface.heightfield import Heightfield
-from .panels import Floats
-from .profile import Resolution
+from .panels import Floats, Panels
+from .profile import Resolution, cut, fewest_nodes
 
 MOST_UNKNOWNS = 8000
 ORDER, FEW = 10, 5  # nodes of a panel; of one among corners in the first solution, for tol ≥ LAX
@@ -75,6 +75,19 @@ def require_affordable(price: Cost, what: str) -> None:
             "coherence_um (a finite profile is cut to 4 of them on each side), a shorter profile or period, a longer "
             "wavelength or a larger tol; 'perfect' needs half the unknowns of a material"
         )
+
+
+def affordable(
+    surface: Heightfield, span: tuple[float, float], how: Resolution, price: Callable[[int], Cost], what: str
+) -> Panels:
+    """Panels of the profile over `span` (µm). price : nodes → their cost
+
+    Raises ToleranceError where they are too many, before they are made where the length of the profile tells.
+    """
+    require_affordable(price(fewest_nodes(surface, *span, how)), what)
+    curve = cut(surface, *span, how)
+    require_affordable(price(curve.size), what)
+    return curve
 
 
 def converged(

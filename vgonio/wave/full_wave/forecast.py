@@ -46,10 +46,16 @@ def forecast(solver: FullWave, surface: Heightfield, incoming: Incoming) -> Fore
         wavelength, index = float(nm_to_um(wavelength_nm)), solver.index(wavelength_nm)
         how = effort.resolution(surface, wavelength, index, solver.tol, 1)
         if surface.periodic:
-            curve = profile.one_period(surface, wavelength, how)
+            span = profile.period_span(surface, wavelength)
         else:
-            curve = piece(surface, middles[len(middles) // 2], taper, wavelength, how)
-        prices.append(effort.cost(curve.size, index, polarisations, len(incoming.theta_deg), surface.periodic))
+            span = piece(surface, middles[len(middles) // 2], taper, wavelength)
+
+        def price(nodes: int, index: complex | None = index) -> effort.Cost:
+            return effort.cost(nodes, index, polarisations, len(incoming.theta_deg), surface.periodic)
+
+        least = price(profile.fewest_nodes(surface, *span, how))  # which may be more than memory holds
+        fits = least.unknowns <= effort.MOST_UNKNOWNS
+        prices.append(price(profile.cut(surface, *span, how).size) if fits else least)
     dearest = int(np.argmax([p.unknowns for p in prices]))
     # the coarser solution beside it costs a third of one window
     seconds = sum(p.seconds for p in prices) * (len(middles) + 0.4)

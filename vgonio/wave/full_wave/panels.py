@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 RATIO = 0.25  # of neighbouring panels towards a corner
+MOST = 20_000  # panels, far more than are ever solved, from which on none is halved: no memory is spent on them
 Curve = Callable[[Floats], tuple[Floats, Floats, Floats, Floats]]  # t -> x, z, dx/dt, dz/dt
 
 
@@ -117,7 +118,7 @@ def smooth_edges(curve: Curve, start: float, stop: float, longest: float, p: int
         panels = on_curve(curve, edges, p)
         tail = [np.abs(a @ legendre(p)[2].T)[:, -2:].max(axis=1) for a in (panels.x, panels.z)]
         rough = np.maximum(*tail) > resolution
-        if not rough.any():
+        if not rough.any() or len(edges) > MOST:
             break
         edges = np.sort(np.concatenate([edges, (edges[:-1] + edges[1:])[rough] / 2]))
     return edges

@@ -48,6 +48,14 @@ def period_of(surface: Heightfield, wavelength: float) -> float:
     return min(surface.size_um[1], wavelength / 2)
 
 
+def fewest_nodes(surface: Heightfield, start: float, stop: float, how: Resolution) -> int:
+    """Nodes that panels of the profile from x = start to stop have at least, before any is made: chords between points
+    half a pitch apart are no longer than the profile."""
+    x = np.linspace(start, stop, 2 * int(np.ceil((stop - start) / surface.dx)) + 2)
+    z = surface.interpolant.grid(surface.y[:1], x)[0]
+    return how.order * int(np.ceil(float(np.hypot(np.diff(x), np.diff(z)).sum()) / how.longest * (1 - 1e-6)))
+
+
 def cut(surface: Heightfield, start: float, stop: float, how: Resolution) -> Panels:
     """Panels of the profile from x = start to stop, µm; a periodic one continues beyond its domain."""
     if surface.interpolation == "cubic" and surface.interpolant.x_axis.degree == 3:
@@ -63,14 +71,18 @@ def cut(surface: Heightfield, start: float, stop: float, how: Resolution) -> Pan
 
 
 def one_period(surface: Heightfield, wavelength: float, how: Resolution) -> Panels:
-    """Panels of one period, which begins where the profile is straight."""
-    period = period_of(surface, wavelength)
+    """Panels of one period."""
+    return cut(surface, *period_span(surface, wavelength), how)
+
+
+def period_span(surface: Heightfield, wavelength: float) -> tuple[float, float]:
+    """Start and end of one period in µm, which begins where the profile is straight."""
     start = 0.0
     if surface.interpolation == "nearest":
         start = surface.dx / 2
     elif surface.interpolation == "linear":
         start = surface.dx  # halfway between the first two samples
-    return cut(surface, start, start + period, how)
+    return start, start + period_of(surface, wavelength)
 
 
 def _spline(surface: Heightfield) -> panels.Curve:

@@ -11,10 +11,10 @@ from ...directions import Detector, Incoming
 from ...surface.heightfield import Heightfield
 from ...units import nm_to_um, radians
 from .. import coherence
-from . import beam, effort, profile, remarks
+from . import beam, effort, remarks
 from .detection import element_means
 from .outcome import Outcome
-from .panels import Floats, Panels
+from .panels import Floats
 from .tapered import Fields, Patch
 
 if TYPE_CHECKING:
@@ -38,11 +38,10 @@ def centres(surface: Heightfield, taper: float, most: int | None) -> tuple[list[
     return [w.centre[1] for w in tiled], coherence.independent(tiled, one_row)
 
 
-def piece(surface: Heightfield, centre: float, taper: float, wavelength: float, how: profile.Resolution) -> Panels:
-    """Panels of the part of the profile that a window lights; propagating waves make no spot far below λ."""
+def piece(surface: Heightfield, centre: float, taper: float, wavelength: float) -> tuple[float, float]:
+    """Ends, µm, of the part of the profile that a window lights; propagating waves make no spot far below λ."""
     half = EDGE * float(np.hypot(taper, wavelength / 2))
-    start, stop = max(0.0, centre - half), min(surface.size_um[1], centre + half)
-    return profile.cut(surface, start, stop, how)
+    return max(0.0, centre - half), min(surface.size_um[1], centre + half)
 
 
 def scattered(
@@ -61,11 +60,14 @@ def scattered(
     middles, independent = centres(surface, taper, solver.windows)
     theta = sign * radians(incoming.theta_deg)
 
+    def price(nodes: int) -> effort.Cost:
+        return effort.cost(nodes, index, len(polarisations), len(theta), False)
+
     def window(n: int, round_: int) -> list[Fields]:
         how = effort.resolution(surface, wavelength, index, solver.tol, round_)
-        curve = piece(surface, middles[n], taper, wavelength, how)
-        price = effort.cost(curve.size, index, len(polarisations), len(theta), False)
-        effort.require_affordable(price, f"a piece of {np.ptp(curve.x):.3g} µm at {wavelength_nm:g} nm")
+        span = piece(surface, middles[n], taper, wavelength)
+        what = f"a piece of {span[1] - span[0]:.3g} µm at {wavelength_nm:g} nm"
+        curve = effort.affordable(surface, span, how, price, what)
         patch = Patch.of(curve, wavelength, index, polarisations)
         return [patch.solve(theta, p, taper, middles[n]) for p in polarisations]
 
