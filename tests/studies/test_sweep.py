@@ -213,6 +213,14 @@ def test_the_command(study_file):
     assert "rays" in vg.open(path.with_suffix(".sweep") / "result.nc").children
 
 
+def test_the_command_fails_where_every_point_fails(study_file, capsys):
+    from vgonio.cli import main
+
+    path = study_file('[vary]\n"surface.generate.rms_um" = [-1, -2]')
+    assert main(["sweep", str(path), "--workers", "1", "--quiet"]) == 2
+    assert "no point could be computed: rms_um = -1" in capsys.readouterr().err
+
+
 def test_points_read_fast_are_those_of_xarray(study_file):
     from vgonio.studies.stored import read_point
 

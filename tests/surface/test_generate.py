@@ -243,3 +243,16 @@ def test_resolution_blurs_by_its_width():
     f = sf.sinusoid(5, 1, (8, 500), 0.1)
     expected = np.exp(-((np.pi * 2 / 5) ** 2) / (4 * np.log(2)))
     np.testing.assert_allclose(blurred(f.z, f.pitch_um, 2.0), expected * f.z, atol=1e-13)
+
+
+def test_one_row_is_a_profile_with_the_same_statistics():
+    surfaces = [sf.gaussian(0.5, 3.0, shape=(1, 1024), pitch_um=0.25, seed=s, exact=False) for s in range(40)]
+    assert all(s.is_profile for s in surfaces)
+    z = np.array([s.z[0] for s in surfaces])
+    # 40 profiles of 48 correlation lengths each: the variance is known to 2 %, less what the mean takes
+    assert z.var() == pytest.approx(0.25 * (1 - np.sqrt(np.pi) * 3.0 / 256), rel=0.08)
+    lag = 12  # 3 µm, one correlation length
+    correlation = np.mean(z * np.roll(z, lag, axis=1)) / np.mean(z**2)
+    assert correlation == pytest.approx(np.exp(-1), abs=0.05)
+    with pytest.raises(InputError, match="does not fit"):
+        sf.gaussian(0.5, 200.0, shape=(1, 1024), pitch_um=0.25)

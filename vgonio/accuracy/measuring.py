@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import platform
 import threading
@@ -25,7 +27,8 @@ def select(names: Sequence[str] = ()) -> list[Case]:
 def run_cases(
     names: Sequence[str] = (), *, quick: bool = False, progress: Callable[[str, float], None] | None = None
 ) -> list[Row]:
-    """One row a case and setting: errors asked, stated and achieved, seconds, memory above what was there before.
+    """One row a case and setting: errors asked, stated and achieved (None where one cannot ask, or the
+    solver states none), seconds, memory above what was there before in MB.
 
     quick : the cheapest settings alone;  progress : called as progress(case, fraction)
     A backend that is absent gives a row with the reason and no figures. Raises InputError for an unknown name.
@@ -66,7 +69,8 @@ def _row(case: Case, setting: float) -> Row:
             seconds = time.perf_counter() - begin
     except BackendError as e:
         return row | {"note": str(e)}
-    return row | asdict(outcome) | {"seconds": seconds, "memory_mb": memory.growth_mb}
+    figures = {k: v if math.isfinite(v) else None for k, v in asdict(outcome).items()}
+    return row | figures | {"seconds": seconds, "memory_mb": memory.growth_mb}
 
 
 class _Memory:
@@ -109,7 +113,7 @@ def machine() -> dict[str, Any]:
         "processors": os.cpu_count(),
         "system": platform.platform(),
         "load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
-        "versions": versions(),
+        "versions": json.loads(versions()),
     }
 
 

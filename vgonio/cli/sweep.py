@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ..errors import VgonioWarning
+from ..errors import InputError, VgonioWarning
 from .common import Json, Quiet, Set, print_json, print_table, progress_bars, say
 
 
@@ -63,6 +63,8 @@ def sweep(
         print_table(made.title, list(summary["counts"]), [list(summary["counts"].values())])
         for what in [] if dry_run else written:
             say(f"{what[0]}: {what[1]}")
+    if not dry_run and summary["counts"]["failed"] == summary["counts"]["points"]:
+        raise InputError(f"no point could be computed: {'; '.join(summary['failures'])}")
     _warn(summary["failures"])
 
 

@@ -31,7 +31,7 @@ def work_precision(rows: Sequence[Mapping[str, Any]]) -> Figure:
         style = {"color": palette[i % len(palette)], "marker": "os^Dv"[i // len(palette) % 5], "ms": 4, "lw": 1}
         achieved = [max(r["achieved"], FLOOR) for r in here]
         left.plot([r["seconds"] for r in here], achieved, label=name, **style)
-        promised = [r["asked"] if np.isfinite(r["asked"]) else r["stated"] for r in here]
+        promised = [r["asked"] if r["asked"] is not None else r["stated"] or np.nan for r in here]
         right.plot(promised, achieved, **style)
     for ax in (left, right):
         decades(ax, known)

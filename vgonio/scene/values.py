@@ -37,7 +37,9 @@ def _range(value: dict[str, Any]) -> list[float]:
         raise InputError(f"a range needs start, stop and step: {e.args[0]} is missing") from None
     except (TypeError, ValueError):
         raise InputError(f"a range needs numbers for start, stop and step, got {value}") from None
-    if step == 0 or not all(map(math.isfinite, (start, stop, step))) or (stop - start) * step < 0:
+    if not all(map(math.isfinite, (start, stop, step))):
+        raise InputError(f"a range needs finite numbers for start, stop and step, got {value}")
+    if step == 0 or (stop - start) * step < 0:
         raise InputError(
             f"the range from {start:g} to {stop:g} by {step:g} is empty: step has to lead from start to stop"
         )

@@ -19,6 +19,7 @@ from ..errors import FileFormatError, InputError, VgonioError, nearest
 from ..scene import Scene, changed_scene, expand, load_scene
 
 KEYS = ("scene", "title", "zip", "vary")
+KEPT = {"output", "title"}  # of a scene: not what a point is
 RANGE = {"start", "stop", "step"}
 TRIED = 50  # points looked at for one that is valid, before the study is refused as a whole
 
@@ -95,9 +96,16 @@ def _vary(table: Any, name: str) -> dict[str, list[Any]]:
         raise InputError(f'{name}: [vary] is missing: what varies, as in "surface.generate.rms_um" = [0.5, 1, 2]')
     found = {}
     for key, value in _leaves(table):
-        values = _range(value) if isinstance(value, Mapping) else value
+        try:
+            values = _range(value) if isinstance(value, Mapping) else value
+        except InputError as e:
+            raise InputError(f"{name}: vary {key!r}: {e}") from None
         if not isinstance(values, list) or not values:
             raise InputError(f"{name}: vary {key!r} needs a list of values or {{start, stop, step}}, got {value!r}")
+        if any(isinstance(v, float) and not math.isfinite(v) for v in values):
+            raise InputError(f"{name}: vary {key!r} has to hold finite numbers, got {values}")
+        if key.split(".")[0] in KEPT:
+            raise InputError(f"{name}: {key!r} does not change what a point computes: points are stored by the sweep")
         found[key] = values
     return found
 

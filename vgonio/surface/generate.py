@@ -36,13 +36,15 @@ def gaussian(
 
     Spectral synthesis: white noise is filtered with the square root of the power spectrum of the wrapped
     autocorrelation, so that the autocorrelation of the samples has no aliasing error. The slope α of the ensemble is
-    2·Sq/T. Raises InputError for a correlation length below one pitch or above half the shorter side.
+    2·Sq/T. `shape` (1, n) is a profile, as the wave solvers of one-dimensional profiles take it.
+    Raises InputError for a correlation length below one pitch or above half the shorter side.
     """
     shape, (dy, dx) = checks.grid(shape, pitch_um)
     rms, correlation = checks.number("rms_um", rms_um, 0.0), checks.positive("correlation_um", correlation_um)
-    side = min(shape[0] * dy, shape[1] * dx)
-    if correlation < max(dx, dy):
-        raise InputError(f"correlation_um = {correlation:g} µm is below the pitch of {max(dx, dy):g} µm: refine it")
+    pitches = [h for n, h in zip(shape, (dy, dx)) if n > 1] or [dx]
+    side = min(n * h for n, h in zip(shape, (dy, dx)) if n > 1 or max(shape) == 1)
+    if correlation < max(pitches):
+        raise InputError(f"correlation_um = {correlation:g} µm is below the pitch of {max(pitches):g} µm: refine it")
     if correlation > side / 2:
         raise InputError(
             f"correlation_um = {correlation:g} µm does not fit a field of {side:g} µm: "
@@ -98,7 +100,9 @@ def power_law(
 
 
 def _wrapped_gaussian(n: int, h: float, correlation: float) -> Floats:
-    """(n,) exp(−x²/T²) at the lags of a ring of n samples, summed over its turns."""
+    """(n,) exp(−x²/T²) at the lags of a ring of n samples, summed over its turns; 1 across a profile."""
+    if n == 1:
+        return np.ones(1)
     side = n * h
     lag = np.arange(n) * h
     turns = np.arange(-int(np.ceil(7 * correlation / side)) - 1, int(np.ceil(7 * correlation / side)) + 2)
