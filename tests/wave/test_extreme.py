@@ -11,6 +11,9 @@ import pytest
 import vgonio as vg
 from vgonio.errors import InputError, ToleranceError
 from vgonio.surface import Heightfield
+from vgonio.wave.coherence import WindowPlan
+from vgonio.wave.full_wave import windows as full_wave_windows
+from vgonio.wave.iterated.place import Places
 
 ANGLES = range(-80, 81, 20)
 
@@ -169,3 +172,18 @@ def test_windows_out_of_all_proportion_are_refused():
         measure(surface(), coherence_um=0.01)
     with pytest.raises(ToleranceError, match="smaller coherence_um"):
         measure(surface(), coherence_um=1e5, aperture_deg=10)
+
+
+@pytest.mark.parametrize("most", [1, 2, 3, 5, None])
+def test_all_solvers_look_at_the_same_windows(most):
+    """Fewer windows than tile a profile: the middle one, or both ends and evenly between, for every solver."""
+    rows = vg.surface.Heightfield(np.sin(np.arange(2000))[None], 0.1)
+    scalar = [w.centre[1] for w in WindowPlan.of(rows, 5.0, most).gaussian]
+    rigorous, _ = full_wave_windows.centres(rows, 5.0, most)
+    iterated = [w.centre[1] for w in Places.of(rows, None, 5.0, most).windows]
+    assert len(scalar) == (most or 18)
+    assert rigorous == pytest.approx(scalar)
+    assert iterated == pytest.approx(scalar)
+    assert abs(np.mean(scalar) - 100) <= 5.01  # half the distance of two windows: 18 of them have no middle one
+    if most and most > 1:
+        assert (scalar[0], scalar[-1]) == pytest.approx((15, 185))

@@ -60,6 +60,16 @@ def _affordable(count: float, length: float, side: float, least: int = 1) -> int
     return max(least, round(count))
 
 
+def spread(windows: list[Window], surface: Heightfield, most: int | None) -> list[Window]:
+    """At most so many of the windows (None: all), spread evenly over the surface; a single one is the middle one."""
+    if most is None or most >= len(windows):
+        return windows
+    if most > 1:
+        return [windows[int(i)] for i in np.linspace(0, len(windows) - 1, most).round()]
+    away = np.array([w.centre for w in windows]) - np.array(surface.size_um) / 2
+    return [windows[int(np.argmin(np.sum(away**2, axis=1)))]]
+
+
 def independent(windows: list[Window], surface: Heightfield) -> float:
     """Effective number of independent windows: n² / Σ ρ, ρ = exp(−d²/2ℓ²) the intensity correlation of two windows."""
     c = np.array([w.centre for w in windows])
@@ -127,10 +137,8 @@ class WindowPlan:
         if length is None:
             step = np.pi / max(surface.size_um)
             return WindowPlan([None], 1.0, float(step), {"coherence_um": "whole sample", "windows": 1.0})
-        windows = tile(surface, length)
-        tiled = len(windows)
-        if most is not None and most < tiled:
-            windows = [windows[i] for i in np.linspace(0, tiled - 1, most).round().astype(int)]
+        every = tile(surface, length)
+        windows, tiled = spread(every, surface, most), len(every)
         n = independent(windows, surface)
         attrs: dict[str, Any] = {
             "coherence_um": length,

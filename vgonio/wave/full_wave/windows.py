@@ -32,9 +32,7 @@ def taper_of(incoming: Incoming, surface: Heightfield) -> float:
 def centres(surface: Heightfield, taper: float, most: int | None) -> tuple[list[float], float]:
     """Middles of the windows along x, µm, and how many of them are independent."""
     one_row = surface.replace(z=surface.z[:1]) if surface.shape[1] > 1 else surface
-    tiled = coherence.tile(one_row, taper)
-    if most is not None and most < len(tiled):
-        tiled = [tiled[i] for i in np.linspace(0, len(tiled) - 1, most).round().astype(int)]
+    tiled = coherence.spread(coherence.tile(one_row, taper), one_row, most)
     return [w.centre[1] for w in tiled], coherence.independent(tiled, one_row)
 
 

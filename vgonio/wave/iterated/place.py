@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...surface.heightfield import Heightfield
-from ..coherence import REACH, Window, independent, tile
+from ..coherence import REACH, Window, independent, spread, tile
 
 PATCH_UM = 20.0  # side of a three-dimensional patch where none is asked for
 PATCHES = 1  # of them that are computed where no number is asked for
@@ -56,16 +56,5 @@ class Places:
         tiled = len(covering)
         if most is None and not surface.is_profile:
             most = PATCHES
-        if most is not None and most < tiled:
-            covering = [covering[i] for i in _spread(covering, surface, most)]
-        windows = [Window(length, w.half, w.centre) for w in covering]
+        windows = [Window(length, w.half, w.centre) for w in spread(covering, surface, most)]
         return Places(windows, independent(windows, surface), tiled, float(window_um), float(length))
-
-
-def _spread(covering: list[Window], surface: Heightfield, most: int) -> list[int]:
-    """Indices of `most` windows spread over the surface; a single one is that nearest to its middle."""
-    if most > 1:
-        return [int(i) for i in np.linspace(0, len(covering) - 1, most).round()]
-    middle = np.array(surface.size_um) / 2 * (0 if surface.is_profile else 1, 1)
-    away = [float(np.sum((np.array(w.centre) - middle) ** 2)) for w in covering]
-    return [int(np.argmin(away))]
