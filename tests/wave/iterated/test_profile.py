@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from scipy.special import hankel1
 
 import vgonio as vg
-from vgonio.errors import InputError, ToleranceError
+from vgonio.errors import InputError, ToleranceError, VgonioWarning
 from vgonio.materials import material
 from vgonio.surface import Heightfield
 from vgonio.surface.visibility import single_reflections
@@ -215,3 +217,18 @@ def test_reflection_near_grazing():
     assert near.real > middle.real > far.real
     assert near_grazing(np.ones(1), c[:1], 0 * metal[:1], np.ones(1), np.array(1.0)) == pytest.approx(1.0)
     assert near_grazing(np.zeros(1), c[:1], c[:1] + 0j, np.ones(1), np.array(0.0)) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("surface", [rough(0.8, 2.0, side=12), rough(0.8, 2.0, side=12).replace(z=np.zeros((1, 120)))])
+def test_an_error_of_the_spacing_above_tol_is_told(surface):
+    """tol ends the series of reflections alone: the error of the points is compared with it, and the tol that the
+    warning names is kept."""
+    gonio = vg.measure.Gonioreflectometer([30], range(-80, 81, 20))
+    with pytest.warns(VgonioWarning, match=r"error .* instead of 1\.0e-30.* points_per_wavelength, or tol = ") as said:
+        data = gonio.measure(surface, IteratedKirchhoff("Al", [550], tol=1e-30))
+    assert data.attrs["error_achieved"] > 1e-30
+    named = float(next(str(w.message) for w in said if "instead of" in str(w.message)).rsplit("tol = ", 1)[1])
+    assert data.attrs["error_achieved"] <= named < 10 * data.attrs["error_achieved"]
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message=".*instead of")
+        gonio.measure(surface, IteratedKirchhoff("Al", [550], tol=max(named, 1e-9)))

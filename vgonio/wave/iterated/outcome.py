@@ -70,6 +70,24 @@ def check_series(data: xr.Dataset, tol: float) -> None:
         )
 
 
+def check_spacing(error: float, tol: float, per: float) -> None:
+    """Warn where the spacing of the points makes an error above `tol`, which ends the series of reflections alone."""
+    if error > tol:
+        warnings.warn(
+            f"iterated Kirchhoff: error {error:.1e} of the largest brdf instead of {tol:.1e}: tol ends the series of "
+            f"reflections, this is from the spacing of {per:g} points per wavelength, edges of shadows between them. "
+            f"Take more points_per_wavelength, or tol = {_rounded_up(error):g}",
+            VgonioWarning,
+            stacklevel=4,
+        )
+
+
+def _rounded_up(error: float) -> float:
+    """To one digit."""
+    digit = 10.0 ** np.floor(np.log10(error))
+    return float(np.ceil(error / digit) * digit)
+
+
 def check_patch(data: xr.Dataset) -> None:
     """Warn where much of the light meets the surface again outside the patch, and is lost."""
     missed = float((data.second_hits * data.second_hits_outside).max())

@@ -24,7 +24,7 @@ from .far_field import directions
 from .far_patch import patch_orders
 from .limits import limits
 from .orders import orders
-from .outcome import check_patch, check_series, mean, stacked, with_mueller
+from .outcome import check_patch, check_series, check_spacing, mean, stacked, with_mueller
 from .place import Places
 from .profile import WEIGHTS, Light, Orders, Stretch, reflect
 from .second_hits import second_hits
@@ -45,6 +45,9 @@ class IteratedKirchhoff:
     material : name, file or Material;  wavelength_nm : (w,) nm
     bounces : at most so many reflections
     tol : the series ends before an order whose mean square field on the surface is below this share of the first's
+        (bounces_done). The spacing of the points makes an error of its own, error_achieved, on rough and deep profiles
+        0.2 to 2 %, with a warning where it is above tol; more points lessen it slowly, since edges of shadows fall
+        between them wherever they are
     window_um : full side of the patch. The amplitude falls as exp(−r²/2ℓ²) with ℓ the smaller of the light's coherence
         length and a sixth of the side. None takes six coherence lengths, in three dimensions at most 20 µm
     windows : at most so many windows, spread over the surface; None takes all of a profile, one patch in 3-D
@@ -119,6 +122,7 @@ class IteratedKirchhoff:
             data = data.drop_vars([n for n in data.data_vars if str(n).startswith("energy")])
         else:
             check_series(data, self.tol)
+        check_spacing(error, self.tol, self.per(surface))
         data.attrs |= {
             "error_achieved": error,
             "error_estimate": f"largest change of brdf, relative to its maximum, with points {COARSER:g} times wider "
