@@ -11,7 +11,8 @@ import pytest
 import vgonio as vg
 from vgonio import models
 from vgonio.cli import main
-from vgonio.compare import open_fit
+from vgonio.compare import fit_global_shift, open_fit
+from vgonio.errors import InputError
 from vgonio.measure import readers
 
 DEMO = Path(__file__).resolve().parents[1] / "examples" / "demo" / "measured_virtual.json"
@@ -106,7 +107,7 @@ def test_compare_says_how_much_is_explained(small, tmp_path, capsys):
         (["SMALL", "--model", "two-shifts"], "--rays"),
         (["SMALL", "--rays", "SMALL"], "brdf_by_bounce"),
         (["SMALL", "--wavelengths", "700:400"], "LOW:HIGH"),
-        (["SMALL", "--p", "x"], "no number"),
+        (["SMALL", "--p", "x"], "--p x: a number or fit"),
         (["SMALL", "-o", "a.json"], "one JSON file"),
         (["SMALL", "-o", "a.txt"], ".nc"),
         (["SMALL", "--errors", "x"], "sandwich"),
@@ -131,3 +132,75 @@ def test_json_stays_json_with_figures_and_broken_physics_is_noted(tmp_path, caps
     row = json.loads(capsys.readouterr().out)["models"][0]
     assert "h = 0.004" in row["parameters"]
     assert any("of the incident power" in note or "is negative" in note for note in row["notes"])
+
+
+def refusal(capsys, *arguments: str | Path) -> str:
+    """The one line in which a command refuses its input."""
+    assert run(*arguments) == 2
+    error = [line for line in capsys.readouterr().err.splitlines() if "warning" not in line]
+    assert len(error) == 1
+    assert error[0].startswith("vgonio: error: ")
+    return error[0]
+
+
+def test_a_black_surface_cannot_be_fitted(tmp_path, small, capsys):
+    """All values 0: one line, and no file."""
+    readers.write(readers.read(small) * 0, tmp_path / "zero.csv")
+    assert "no value of the BRDF is positive" in refusal(capsys, "fit", tmp_path / "zero.csv", "-o", tmp_path / "f.nc")
+    assert not (tmp_path / "f.nc").exists()
+
+
+@pytest.mark.parametrize("p", ["-1e9", "-3", "5.01", "nan", "inf", "foo"])
+def test_exponents_outside_their_bounds_are_refused(small, capsys, p):
+    assert f"--p {p}" in refusal(capsys, "fit", small, "--p", p)
+    if p != "foo":
+        with pytest.raises(InputError, match="from 0 to 5"):
+            fit_global_shift(readers.read(small), p=float(p))
+
+
+def test_a_bad_range_names_its_option(small, capsys):
+    assert "--wavelengths foo" in refusal(capsys, "fit", small, "--wavelengths", "foo")
+
+
+def test_two_wavelengths_are_fitted_without_colour(small, tmp_path, capsys):
+    """What needs colour is left out with the reason; the parameters are those of the spectrum within the errors."""
+    readers.write(readers.read(small).sel(wavelength=[540, 580]), tmp_path / "two.json")
+    assert run("fit", tmp_path / "two.json", "--model", "clausen-2022", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    row = found["models"][0]
+    assert row["delta_e"] is None
+    assert "alpha = 0.36" in row["parameters"]
+    assert any("no dE00" in note and "450 to 650 nm" in note for note in row["notes"])
+    assert found["shift"][0]["quantity"] == "left out"
+
+
+def test_where_there_is_no_shift_no_frequency_is_printed(tmp_path, capsys):
+    """A BRDF without a shift, 1 % noise: h is zero within its error, and any w fits."""
+    data = models.evaluate(
+        "cook-torrance-1982", [0, 30, 60], np.arange(-80, 81, 10), np.arange(400, 701, 25), alpha=0.3
+    )
+    noise = 1 + 0.01 * np.random.default_rng(3).standard_normal(data.brdf.shape)
+    readers.write(data.assign(brdf=data.brdf * noise), tmp_path / "flat.json")
+    assert run("fit", tmp_path / "flat.json", "--model", "clausen-2022", "--p", "1", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    w = next(r for r in found["shift"] if r["quantity"] == "global shift w")
+    assert w["value"] is None
+    assert w["unit"] == "no significant shift"
+    parameters = found["models"][0]["parameters"]
+    assert "no significant shift" in parameters
+    assert "w =" not in parameters
+    readers.write(data, tmp_path / "exact.json")
+    assert run("compare", tmp_path / "flat.json", tmp_path / "exact.json", "--material", "none") == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if "frequency w" in line]
+    assert lines
+    assert all("no significant shift" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    "height, error, expected",
+    [(1e-3, 1e-4, True), (1e-3, 4e-4, False), (-2.1e-7, 6e-8, False), (-2e-3, 1e-5, True), (1e-3, np.nan, True)],
+)
+def test_what_counts_as_a_shift(height, error, expected):
+    from vgonio.compare.significance import is_shift
+
+    assert is_shift(height, error) is expected

@@ -73,7 +73,7 @@ def fit(
     reflector = None if material == "none" else material
     samples = load_all(data)
     traced = None if rays is None else _traced(rays)
-    limits, number = _limits(wavelengths), p if p == "fit" else _number(p)
+    limits, number = _limits(wavelengths), _exponent(p)
     names = tuple(model or ("cook-torrance-1982", "clausen-2022"))
     if "two-shifts" in names and traced is None:
         raise InputError("two-shifts needs the share of single reflections: give --rays RESULT.nc of the same surface")
@@ -136,17 +136,27 @@ def _limits(text: str | None) -> tuple[float, float] | None:
     if text is None:
         return None
     low, _, high = text.partition(":")
-    limits = _number(low), _number(high)
+    try:
+        limits = float(low), float(high)
+    except ValueError:
+        limits = float("nan"), float("nan")
     if not limits[0] < limits[1]:
         raise InputError(f"--wavelengths {text}: LOW:HIGH in nm is needed, as in 400:700")
     return limits
 
 
-def _number(text: str) -> float:
+def _exponent(text: str) -> float | str:
+    """p of the shift fits: "fit" or a number within its bounds."""
+    if text == "fit":
+        return text
+    from ..compare import check_p
+
     try:
-        return float(text)
-    except ValueError:
-        raise InputError(f"{text!r} is no number") from None
+        p = float(text)
+        check_p(p)
+    except ValueError as e:
+        raise InputError(f"--p {text}: {e if isinstance(e, InputError) else 'a number or fit is needed'}") from None
+    return p
 
 
 def _check_output(output: Path, count: int) -> None:
@@ -161,9 +171,16 @@ def _shift_rows(
     name: str, data: Any, reflector: Any, p: Any, wavelength_n: float, limits: Any, traced: Any
 ) -> list[dict[str, Any]]:
     from ..compare import delta_e_2000, fit_global_shift, fit_local_shift, fit_two_shifts, fitted_spectra
+    from ..compare.significance import HEIGHT_OF, NO_SHIFT, is_shift
 
     def row(quantity: str, value: Any, unit: str = "1", error: Any = None) -> dict[str, Any]:
         return {"of": name, "quantity": quantity, "value": value, "error": error, "unit": unit}
+
+    def parameter(what: str, found: Any, key: str) -> dict[str, Any]:
+        height = HEIGHT_OF.get(key)
+        if height and not is_shift(float(found[height]), float(found[f"{height}_stderr"])):
+            return row(f"{what} {key}", None, NO_SHIFT)
+        return row(f"{what} {key}", float(found[key]), str(found[key].attrs["units"]), float(found[f"{key}_stderr"]))
 
     common: dict[str, Any] = {"wavelength_n": wavelength_n, "wavelength_range": limits}
     rows = []
@@ -174,17 +191,11 @@ def _shift_rows(
         for limit in ("0.95", "0.90"):
             rows.append(row(f"local fits with r2 > {limit}", local.attrs.get(f"r2_above_{limit}")))
         one = fit_global_shift(data, reflector, p, "fit", **common)
-        for key in ("h", "w", "t_y", "p"):
-            rows.append(
-                row(f"global shift {key}", float(one[key]), str(one[key].attrs["units"]), float(one[f"{key}_stderr"]))
-            )
+        rows += [parameter("global shift", one, key) for key in ("h", "w", "t_y", "p")]
         rows += [row("global shift r2", float(one["r2"])), row("global shift AIC", one.attrs["aic"])]
         if traced is not None:
             two = fit_two_shifts(data, traced, reflector, p, **common)
-            for key in ("h1", "w1", "h2", "w2", "p"):
-                rows.append(
-                    row(f"two shifts {key}", float(two[key]), str(two[key].attrs["units"]), float(two[f"{key}_stderr"]))
-                )
+            rows += [parameter("two shifts", two, key) for key in ("h1", "w1", "h2", "w2", "p")]
             rows += [row("two shifts r2", float(two["r2"])), row("two shifts AIC", two.attrs["aic"])]
         for kind, found in (("local", local), ("global", one)):
             difference = delta_e_2000(data, fitted_spectra(data, found), "normalised", wavelength_n)

@@ -12,7 +12,7 @@ from .metrics import align, nrmse, nse, rmse
 from .model_fit import fit_model
 from .model_table import fit_models, model_table
 from .reflectances import appearance, reflectance, total_integrated_scatter
-from .shift import fit_global_shift, fit_local_shift, fitted_spectra
+from .shift import check_p, fit_global_shift, fit_local_shift, fitted_spectra
 from .summary import summary
 from .two_shift_fit import fit_two_shifts, single_share
 
@@ -20,6 +20,7 @@ __all__ = [
     "align",
     "appearance",
     "broken_physics",
+    "check_p",
     "compare",
     "delta_e_2000",
     "evaluate_fit",

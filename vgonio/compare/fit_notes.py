@@ -11,6 +11,7 @@ from .cost import KNEE, Inner
 from .fit_errors import Errors
 from .pairs import Problem
 from .search import Descent, Minimum, at_bounds
+from .significance import is_shift
 
 LARGEST_CONDITION = 1e8
 LEAST_INDEPENDENT = 1e-3
@@ -58,7 +59,7 @@ def _undetermined(
     for height, frequency in (("h", "w"), ("h1", "w1"), ("h2", "w2")):
         if height in ranges and frequency in ranges:
             error = errors.shape[list(ranges).index(height)]
-            if not abs(shape[height]) > 3 * error:
+            if not is_shift(shape[height], error):
                 found.append(f"{height} is not significant ({shape[height]:.2g} ± {error:.2g} per nm), so that "
                              f"{frequency} means nothing")  # fmt: skip
     return found

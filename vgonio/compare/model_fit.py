@@ -66,7 +66,8 @@ def fit_model(
     standard error, `correlation`, `independent`; attrs: model, cost, minima, `notes` (JSON list: bounds hit, second
     minima, what the data cannot tell), everything needed by `evaluate_fit`. Multiplicative noise σ biases a
     logarithmic cost by −σ²/2 of f: 2·10⁻⁴ at 2 %.
-    Raises InputError for unknown names, too few spectra and as the model, MaterialError outside the material's table.
+    Raises InputError for unknown names, too few spectra, no positive value and as the model, MaterialError outside the
+    material's table.
     """
     began = time.perf_counter()
     entry = find(model)
@@ -77,6 +78,8 @@ def fit_model(
         raise InputError(f"exponent = {exponent}: w of the cost function is 0 or more (the thesis uses 1 to 6)")
     chosen, inside, values = _choices(model, entry, material, free, coefficients, fixed)
     pairs = pairs_of(data, wavelength_range)
+    if not np.any(pairs.values > 0):
+        raise InputError("no value of the BRDF is positive: there is nothing that a model could be fitted to")
     needed = len(chosen) + len(inside) + 1
     if len(pairs.place) < needed:
         raise InputError(f"{len(pairs.place)} spectra are too few for {len(chosen)} parameters and {len(inside)} "

@@ -15,6 +15,7 @@ from ..models import find
 from .colour import delta_e_2000
 from .metrics import nrmse
 from .model_fit import fit_model
+from .significance import HEIGHT_OF, NO_SHIFT, is_shift
 
 MODELS = ("cook-torrance-1982", "clausen-2022")
 
@@ -66,7 +67,7 @@ def model_table(
     for sample, models in fits.items():
         first: xr.DataArray | None = None
         for model, fit in models.items():
-            difference = _difference(samples[sample], fit, scale)
+            difference, why = _difference(samples[sample], fit, scale)
             gain = _gain(first, difference)
             first = difference if first is None else first
             rows.append(
@@ -79,17 +80,17 @@ def model_table(
                     "gain": gain[0],
                     "gain_stderr": gain[1],
                     "parameters": parameter_text(fit),
-                    "notes": json.loads(fit.attrs["notes"]),
+                    "notes": [*json.loads(fit.attrs["notes"]), *([f"no dE00: {why}"] if why else [])],
                 }
             )
     return rows
 
 
-def _difference(data: xr.Dataset, fit: xr.Dataset, scale: str) -> xr.DataArray | None:
+def _difference(data: xr.Dataset, fit: xr.Dataset, scale: str) -> tuple[xr.DataArray | None, str]:
     try:
-        return delta_e_2000(data, fit, scale)
-    except InputError:  # a single wavelength, or a range without colour
-        return None
+        return delta_e_2000(data, fit, scale), ""
+    except InputError as e:  # a single wavelength, or a range without colour
+        return None, str(e)
 
 
 def _gain(first: xr.DataArray | None, second: xr.DataArray | None) -> tuple[float | None, float | None]:
@@ -98,6 +99,8 @@ def _gain(first: xr.DataArray | None, second: xr.DataArray | None) -> tuple[floa
     gain = (first - second).transpose("theta_i", ...).values
     rows = [row[np.isfinite(row)] for row in gain.reshape(gain.shape[0], -1)]
     rows = [r for r in rows if r.size]
+    if not rows:
+        return None, None
     everything = np.concatenate(rows)
     if len(rows) < 5:
         return float(everything.mean()), float(everything.std(ddof=1) / np.sqrt(everything.size))
@@ -108,10 +111,17 @@ def _gain(first: xr.DataArray | None, second: xr.DataArray | None) -> tuple[floa
 
 
 def parameter_text(fit: xr.Dataset) -> str:
-    """alpha = 0.3500 ± 0.0002, h = …; coefficients as their range over the spectrum."""
+    """alpha = 0.3500 ± 0.0002, h = …; coefficients as their range over the spectrum.
+
+    Where h is no shift, w means nothing: `NO_SHIFT` stands in its place.
+    """
     parts = []
     for name in json.loads(fit.attrs["free"]):
         value, error = float(fit[name]), float(fit[f"{name}_stderr"])
+        height = HEIGHT_OF.get(name)
+        if height in fit and not is_shift(float(fit[height]), float(fit.get(f"{height}_stderr", np.nan))):
+            parts.append(NO_SHIFT)
+            continue
         text = f"{name} = {value:.4g}" + (f" ± {error:.1g}" if np.isfinite(error) else "")
         units = str(fit[name].attrs.get("units", "1"))
         parts.append(text + ("" if units == "1" else f" {units}"))

@@ -149,10 +149,10 @@ def appearance(name: str, data: xr.Dataset) -> list[dict[str, Any]]:
     for quantity, function in (("reflectance", reflectance), ("total integrated scatter", total_integrated_scatter)):
         try:
             found = function(data)  # type: ignore[operator]
+            luminous = found.values @ luminous_weights(found["wavelength"].values)
         except VgonioError as e:
             rows.append({"of": name, "quantity": quantity, "value": None, "error": None, "unit": str(e)})
             continue
-        luminous = found.values @ luminous_weights(found["wavelength"].values)
         for angle, value in zip(found["theta_i"].values, luminous):
             text = f"{quantity} at {angle:g}°"
             rows.append({"of": name, "quantity": text, "value": float(value), "error": None, "unit": "1"})

@@ -129,11 +129,18 @@ def fixed_p(p: float | str) -> float:
     return 0.0 if isinstance(p, str) else float(p)
 
 
+def check_p(p: float | str) -> None:
+    """InputError unless p is "fit" or a number within `P_BOUNDS`."""
+    if p == "fit":
+        return
+    if isinstance(p, str) or not P_BOUNDS[0] <= p <= P_BOUNDS[1]:
+        raise InputError(f"p = {p}: a number from {P_BOUNDS[0]:g} to {P_BOUNDS[1]:g} or 'fit' is allowed")
+
+
 def p_is_free(s: Spectra, p: float | str, p_bounds: tuple[float, float]) -> bool:
     """Whether p is a free parameter: asked for, and F depends on wavelength."""
+    check_p(p)
     if p != "fit":
-        if isinstance(p, str) or not np.isfinite(p):
-            raise InputError(f"p = {p!r}: a number or 'fit' is allowed")
         return False
     if not 0 <= p_bounds[0] < p_bounds[1]:
         raise InputError(f"p_bounds = {p_bounds}: 0 ≤ lower < upper is needed")

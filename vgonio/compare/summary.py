@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from .significance import NO_SHIFT, is_shift
+
 Row = dict[str, Any]
 # quantity of a result: name in the table, variable, its standard error
 _SHIFT = (
@@ -70,5 +72,8 @@ def _result_rows(result: str, data: xr.Dataset) -> list[Row]:
     for quantity, name, error in _SHIFT:
         if name in data and np.isfinite(data[name]):
             stderr = data[error] if error else None
+            if name == "shift_w" and not is_shift(float(data["shift_h"]), float(data["shift_h_stderr"])):
+                rows.append(_row(result, quantity, None, NO_SHIFT))
+                continue
             rows.append(_row(result, quantity, data[name], str(data[name].attrs["units"]), stderr))
     return rows
