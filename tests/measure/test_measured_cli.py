@@ -13,7 +13,7 @@ from vgonio import scene
 from vgonio.assembly import measured
 from vgonio.cli import main
 from vgonio.measure import readers
-from vgonio.measure.calibration import lambertian_standard
+from vgonio.measure.calibration import calibration_factor, lambertian_standard
 from vgonio.measure.instrument import Instrument
 from vgonio.measure.isotropic import sampled
 
@@ -177,3 +177,53 @@ def test_a_scene_names_the_unit(tmp_path, plane):
     percent = readers.write(data.map(lambda v: v * 100), tmp_path / "percent.json")
     found = measured(loaded(file=str(percent), unit="percent"))
     np.testing.assert_allclose(found.brdf, data.brdf, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "changed, options, message",
+    [
+        ({"sample": -1.0}, [], "no count on the sample is positive"),
+        ({"sample": 0.0}, [], "no count on the sample is positive"),
+        ({"standard": 0.0}, [], "BRDF of the standard has to be positive"),
+        ({"white": 0.0}, [], "counts of the standard have to be positive"),
+        ({"standard": "one angle"}, [], "known at θ_o = 0° only"),
+        ({}, ["--standard-error", "-1"], "--standard-error"),
+        ({}, ["--standard-error", "nan"], "--standard-error"),
+        ({}, ["--standard-nm", "nan"], "--standard-nm"),
+        ({}, ["--standard-nm", "-533"], "--standard-nm"),
+        ({}, ["--theta-i", "nan"], "θ_i"),
+    ],
+)
+def test_impossible_calibrations_write_nothing(tmp_path, capsys, changed, options, message):
+    """Each is one line and status 2, and leaves no file; the same counts unchanged are calibrated."""
+    nm, angles = np.array([450.0, 550.0, 650.0]), np.arange(-80.0, 81, 10)
+    paper = lambertian_standard(nm, [0.9, 0.95, 0.97])
+    axes = {"theta_i": [10.0], "theta_o": angles, "wavelength": nm}
+    counts = xr.Dataset({"counts": (("theta_i", "theta_o", "wavelength"), np.full((1, 17, 3), 1000.0))}, coords=axes)
+    rows = lambda d: d.assign(counts_stderr=d["counts"] * 0 + 10)  # noqa: E731
+    counts_csv(tmp_path / "sample.csv", rows(counts * changed.get("sample", 1.0)))
+    counts_csv(tmp_path / "white.csv", rows(counts * changed.get("white", 1.0)))
+    standard = changed.get("standard", 1.0)
+    one = paper.isel(theta_o=[0]).assign_coords(theta_o=[0.0])
+    readers.write(one if standard == "one angle" else paper * standard, tmp_path / "standard.csv")
+    out = tmp_path / "out.json"
+    command = ["measured", "calibrate", str(tmp_path / "sample.csv"), "--white", str(tmp_path / "white.csv")]
+    command += ["--standard", str(tmp_path / "standard.csv"), "-o", str(out), *options]
+    assert main(command) == 2
+    error = capsys.readouterr().err.strip()
+    assert message in error
+    assert "\n" not in error
+    assert not out.exists()
+    if options:
+        assert main(command[: -len(options)]) == 0
+
+
+def test_angles_beyond_those_of_the_standard_are_left_out():
+    """A standard known to 45° calibrates with the 9 angles up to 40°, and says so."""
+    nm, angles = np.array([533.0]), np.arange(-80.0, 81, 10)
+    axes = {"theta_i": [10.0], "theta_o": angles, "wavelength": nm}
+    counts = xr.Dataset({"counts": (("theta_i", "theta_o", "wavelength"), np.full((1, 17, 1), 1000.0))}, coords=axes)
+    paper = lambertian_standard(nm, [0.99]).assign_coords(theta_o=[-45.0, 45.0])
+    factor = calibration_factor(counts, paper)
+    assert factor.attrs["angles"] == 9
+    assert factor.factor.item() == pytest.approx(1000 * np.pi / (0.99 * np.cos(np.radians(10))))

@@ -97,16 +97,20 @@ def calibration_factor(
 
     counts : `counts` (theta_i, theta_o, wavelength), and `counts_stderr` where known
     standard : in-plane `brdf` of the standard; between its angles and wavelengths it is interpolated linearly
-    theta_i_deg, theta_o_deg : where it is averaged; angles that were not counted are left out
+    theta_i_deg, theta_o_deg : where it is averaged; angles that were not counted, or that lie beyond those of the
+    standard, are left out
     standard_nm : the wavelength at which the standard's BRDF is taken for all; None for each wavelength its own
     standard_relative : relative standard uncertainty of the standard, else from its `brdf_stderr`
     Returns factor (wavelength) in counts · sr, factor_stderr (of the mean over angles), factor_standard (the part of
     the standard's uncertainty), factor_by_angle (theta_o, wavelength).
-    Raises InputError where angles or wavelengths do not overlap, or a count is not positive.
+    Raises InputError where angles or wavelengths do not overlap, a count or the standard's BRDF is not positive, or the
+    standard is known at one angle of reflection only.
     """
+    _check_choices(theta_i_deg, standard_nm, standard_relative)
     counts = _counts(counts)
     here = _nearest_theta_i(counts, theta_i_deg)
     asked = np.asarray(theta_o_deg, float)
+    asked = asked[np.abs(asked) <= _widest(standard) + 0.5]
     kept = [int(k) for k in np.flatnonzero(np.abs(here["theta_o"].values[:, None] - asked).min(axis=1) < 0.5)]
     here = here.isel(theta_o=kept)
     v = here["counts"].values
@@ -115,6 +119,8 @@ def calibration_factor(
         raise InputError(f"no counts of the standard at θ_i = {theta_i_deg:g}° and θ_o = {asked.tolist()}")
     here, v = here.isel(theta_o=np.flatnonzero(finite)), v[finite]
     f, relative = _standard_at(standard, here, standard_nm, standard_relative)
+    if not np.all((f > 0) & np.isfinite(f)):
+        raise InputError("the BRDF of the standard has to be positive at every angle of the calibration")
     by_angle = v / (f * np.cos(radians(float(here["theta_i"]))))
     if not np.all(by_angle > 0):
         raise InputError("the counts of the standard have to be positive at every angle of the calibration")
@@ -149,6 +155,33 @@ def calibration_factor(
     )
 
 
+def _check_choices(theta_i_deg: float, standard_nm: float | None, standard_relative: float | None) -> None:
+    if not abs(theta_i_deg) < 90:
+        raise InputError(f"θ_i = {theta_i_deg:g}° of the calibration: an angle below 90° is needed")
+    if standard_nm is not None and not 0 < standard_nm < np.inf:
+        raise InputError(
+            f"standard_nm (--standard-nm) = {standard_nm:g}: a positive wavelength in nm, or all, is needed"
+        )
+    if standard_relative is not None and not 0 <= standard_relative < 1:
+        raise InputError(
+            f"uncertainty of the standard (--standard-error) = {standard_relative:g}: a relative error from 0 to below "
+            "1 is needed (0.02 for 2 %)"
+        )
+
+
+def _widest(standard: xr.Dataset) -> float:
+    """The largest |θ_o| of the standard, degrees: beyond it nothing is known."""
+    (dim,) = standard["theta_o"].dims
+    values = standard["brdf"].transpose(..., dim).values
+    angles = np.unique(standard["theta_o"].values[np.isfinite(values).any(axis=tuple(range(values.ndim - 1)))])
+    if angles.size < 2:
+        at = f"θ_o = {angles[0]:g}°" if angles.size else "no angle"
+        raise InputError(
+            f"the standard is known at {at} only: its BRDF over the angles of reflection is needed, two at least"
+        )
+    return float(np.abs(angles).max())
+
+
 def _named(text: str) -> dict[str, str]:
     return {"units": "count sr", "long_name": text}
 
@@ -178,7 +211,7 @@ def _standard_at(
     if nm.min() < own[0] - 1.5 or nm.max() > own[-1] + 1.5:
         raise InputError(
             f"the standard is known from {own[0]:g} to {own[-1]:g} nm, {nm.min():g} to {nm.max():g} nm are needed: "
-            "choose standard_nm"
+            "choose standard_nm (--standard-nm)"
         )
     weights = np.stack([np.interp(nm, own, row) for row in np.eye(own.size)])
     wi = np.tile(unit_vectors(radians(float(here["theta_i"]))), (here["theta_o"].size, 1))
@@ -204,9 +237,11 @@ def calibrate(
     Returns brdf, brdf_stderr, all in sr⁻¹, and brdf_stderr_by_source (source, …): "noise" (counts and the mean of the
     factor), "standard", "angle" (derivatives of f cos θ_i along both angles times the repeatability), "tilt" (the
     difference between the tilted and the in-plane pair of directions, azimuths filled by half angles; a bound).
-    Raises InputError where wavelengths differ from those of the factor.
+    Raises InputError where wavelengths differ from those of the factor, or no count is positive.
     """
     counts = _counts(counts)
+    if not np.any(counts["counts"].values > 0):
+        raise InputError("no count on the sample is positive: is the dark signal subtracted twice, or the light off?")
     nm = counts["wavelength"].values
     if nm.size != factor["wavelength"].size or not np.allclose(nm, factor["wavelength"].values, atol=1e-6, rtol=0):
         raise InputError("the counts and the calibration factor have different wavelengths")
