@@ -17,7 +17,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 import numpy as np
 import scipy.fft
@@ -81,9 +80,10 @@ def sums(
                     scipy.fft.fft(own[:, column] * weight, size, axis=1, workers=-1)
                     for weight, (column, _) in zip(weights, slices)
                 ]
-                part = replace(band, start=band.start + lines[r].start * band.step, count=len(own))
-                some = q[targets[r]]
-                S[:, targets[r]] = _interpolate(spectra, some, [t[0] for _, t in slices], lx / n, size, x_kernel, part)
+                first_x = [t[0] for _, t in slices]
+                S[:, targets[r]] = _interpolate(
+                    spectra, q[targets[r]], first_x, lx / n, size, x_kernel, band, lines[r].start
+                )
         area_y = float(np.sum(g**2)) / (2 * half / rows)
         areas = [area_y * float(np.sum(gx**2)) * lx / n for gx in profiles]
         turn = np.exp(-1j * q[:, 2] * middle)
@@ -131,14 +131,22 @@ def _columns(w: Window, x: Floats, length: float, periodic: bool) -> tuple[NDArr
 
 
 def _interpolate(
-    spectra: list[Complex], q: Floats, first_x: list[float], h: float, size: int, x_kernel: Kernel, band: Band
+    spectra: list[Complex],
+    q: Floats,
+    first_x: list[float],
+    h: float,
+    size: int,
+    x_kernel: Kernel,
+    band: Band,
+    first_line: int,
 ) -> Complex:
-    """(windows, m) from the grids (q_l, q_u) of the windows of one row to its scattering vectors."""
+    """(windows, m) from the grids (q_l, q_u) of the windows of one row, whose first line is given, to its vectors."""
     u = q[:, 0] * h * size / (2 * np.pi)
     at_u, weight_u = x_kernel.taps(u)
     at_l, weight_l = band.kernel.taps((q[:, 2] - band.start) / band.step)
     column = (at_u[:, None] + np.arange(x_kernel.width)) % size
-    line = at_l[:, None] + np.arange(band.kernel.width)
+    # the same arithmetic as in `_lines`: a q_z on the very edge of a kernel must not fall beside the lines by rounding
+    line = at_l[:, None] - first_line + np.arange(band.kernel.width)
     index = (line[:, :, None] * size + column[:, None, :]).reshape(len(q), -1)
     weight = (weight_l[:, :, None] * weight_u[:, None, :]).ravel()
     pointer = np.arange(len(q) + 1) * index.shape[1]
