@@ -20,7 +20,8 @@ NOTHING = 1e-9
 MISSED = 1e-2  # of tol·λ: what panels may miss of the surface in the first solution
 COARSE, FINER = 1.6, 1.5  # longest panel of the first solution in wavelengths; each further one is so much finer
 ROUNDS = 4  # solutions at most
-PER_KERNEL, PER_FLOP = 60e-9, 1 / 1.5e10  # seconds of a kernel value and of an operation, one core of 2023
+# seconds of one core, rather too many than too few: a kernel value, an entry of a grating's far images, an operation
+PER_KERNEL, PER_IMAGE, PER_FLOP = 35e-9, 1.1e-6, 1 / 1.5e10
 NEARBY = 1000  # kernel values, for each node, of the panels close to it
 CLEAR = 0.3  # k of a material through which panels further away see each other
 
@@ -60,11 +61,12 @@ def cost(nodes: int, index: complex | None, polarisations: int, incidences: int,
     clear = index is not None and complex(index).imag < CLEAR
     images = 3 if periodic else 1
     kept = images * nodes**2 * (3 if index is None else 4)
-    kernels = images * nodes * (nodes + NEARBY) * (4 if index is None else 8)
+    kernels = nodes * (images * nodes + NEARBY) * (4 if index is None else 8)
+    far = incidences * nodes**2 if periodic else 0
     solved = polarisations * (incidences if periodic else 1)
-    flops = solved * float(nodes) ** 3 * (64 / 3 if clear else 8 / 3 if index is None else 8)
+    flops = solved * float(nodes) ** 3 * (64 / 3 if clear else 8 / 3 if index is None else 16 / 3)
     held = 16.0 * (kept + 2 * float(nodes) ** 2 * (4 if clear else 1))
-    return Cost(nodes if index is None else 2 * nodes, held, kernels * PER_KERNEL + flops * PER_FLOP)
+    return Cost(nodes if index is None else 2 * nodes, held, kernels * PER_KERNEL + far * PER_IMAGE + flops * PER_FLOP)
 
 
 def require_affordable(price: Cost, what: str) -> None:

@@ -31,7 +31,7 @@ class Forecast:
         each = "" if self.windows == 1 else f" in each of {self.windows} windows"
         return (
             f"{self.price.unknowns:,} unknowns{each} at {self.wavelength_nm:g} nm, {self.price.bytes / 1e9:.2g} GB; "
-            f"about {self.seconds:.2g} s in all"
+            f"about {self.seconds:.2g} s of a free core in all"
         )
 
 
