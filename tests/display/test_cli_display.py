@@ -136,3 +136,28 @@ def test_what_was_not_tested_is_null_in_json(tmp_path, capsys):
     assert found["independence"] is found["additivity"] is found["tone"] is None
     assert found["constancy"] < 0.01
     assert "not tested" in page.read_text(encoding="utf-8")
+
+
+def test_spectra_that_are_no_light_are_refused(tmp_path, capsys):
+    """All radiances negative: the ramps rise downwards as well as any, but white has no light."""
+    display = vd.virtual_display("wide-gamut")
+    real = display.measure(vd.ramp_colours(10))
+    path = vd.write(tmp_path / "negative.csv", [vd.Readings(real.rgb, -real.spectra, real.wavelength_nm)])
+    assert main(["display", "characterise", str(path)]) == 2
+    error = capsys.readouterr().err.strip()
+    assert "no radiances of a display" in error
+    assert "\n" not in error
+
+
+@pytest.mark.parametrize("option", [("--source", "Adobe RGBx"), ("--gamut", "cut"), ("--size", "1")])
+def test_a_refused_calibration_makes_no_folder(tmp_path, option):
+    folder = tmp_path / "new" / "calibration"
+    assert main(["display", "calibrate", "--virtual", "wide-gamut", "-o", str(folder), *option]) == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("text, message", [("", "it is empty"), ("name,400,500\n", "a head alone")])
+def test_patches_of_an_empty_file(tmp_path, capsys, text, message):
+    (tmp_path / "patches.csv").write_text(text)
+    assert main(["display", "verify", "--virtual", "wide-gamut", "--patches", str(tmp_path / "patches.csv")]) == 2
+    assert message in capsys.readouterr().err

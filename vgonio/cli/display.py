@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -175,9 +176,9 @@ def calibrate(
 
     wanted = package.patches(patches or "colorchecker")
     eyes = _readings(files, virtual, deviations, unit, full_scale, levels, bits)
-    models = [package.fit(r) for r, _ in eyes]
+    made = [_calibration(package.fit(r), source, size, gamut, wanted, bits) for r, _ in eyes]
     _folder(output)
-    rows = [_calibration(model, output, source, size, gamut, wanted, bits) for model in models]
+    rows = [write(output) for write in made]
     if as_json:
         print_json(rows)
     else:
@@ -188,33 +189,38 @@ def calibrate(
 
 
 def _calibration(
-    model: DisplayModel, output: Path, source: str, size: int, gamut: str, wanted: Any, bits: int
-) -> dict[str, Any]:
-    """Write the files of one eye; what was written, and what the table is off by."""
+    model: DisplayModel, source: str, size: int, gamut: str, wanted: Any, bits: int
+) -> Callable[[Path], dict[str, Any]]:
+    """All that goes into the files of one eye, worked out; call it with the folder to write them."""
     import numpy as np
 
     from .. import display as package
 
     name = f"display_{model.eye}" if model.eye else "display"
     table = package.lut(model, source, size, gamut)
-    icc = package.write_icc(output / f"{name}.icc", model, f"{name}, measured, {model.white_xyz[1]:.4g} cd/m2")
-    cube = package.write_cube(output / f"{name}.cube", table, f"{source} to {name}")
     error = package.lut_error(model, table, source, gamut)
     targets = package.targets(model, wanted, bits, gamut=gamut)
     rgb = np.concatenate([package.grid_colours(), targets.colours()])
-    listed = _colour_list(output / f"{name}_colours.csv", rgb, bits, quietly=True)
     report = targets.controls.report()
-    return {
-        "eye": model.eye,
-        "profile": str(icc),
-        "LUT": str(cube),
-        "colours to verify with": str(listed),
-        "LUT, mean ΔE₀₀ of interpolation": error["mean"],
-        "LUT, max. ΔE₀₀ of interpolation": error["max"],
-        "patches out of gamut": f"{report['out_of_gamut']} of {report['colours']}",
-        "their mean ΔE₀₀": report["mean_cost"],
-        "condition number of the primaries": model.condition,
-    }
+
+    def write(folder: Path) -> dict[str, Any]:
+        """What was written, and what the table is off by."""
+        icc = package.write_icc(folder / f"{name}.icc", model, f"{name}, measured, {model.white_xyz[1]:.4g} cd/m2")
+        cube = package.write_cube(folder / f"{name}.cube", table, f"{source} to {name}")
+        listed = _colour_list(folder / f"{name}_colours.csv", rgb, bits, quietly=True)
+        return {
+            "eye": model.eye,
+            "profile": str(icc),
+            "LUT": str(cube),
+            "colours to verify with": str(listed),
+            "LUT, mean ΔE₀₀ of interpolation": error["mean"],
+            "LUT, max. ΔE₀₀ of interpolation": error["max"],
+            "patches out of gamut": f"{report['out_of_gamut']} of {report['colours']}",
+            "their mean ΔE₀₀": report["mean_cost"],
+            "condition number of the primaries": model.condition,
+        }
+
+    return write
 
 
 def _readings(

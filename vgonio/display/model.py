@@ -148,7 +148,8 @@ def fit(readings: Readings) -> DisplayModel:
     the projection of what is above black on it, so noise averages out. Repeated readings are averaged, colours other
     than black, white and the ramps ignored.
     Warns (VgonioWarning) of few levels, clipped or drowned levels, nearly parallel primaries and odd luminances.
-    Raises InputError where black, white or a channel's levels are missing or give no light.
+    Raises InputError where black, white or a channel's levels are missing or give no light, or white is no brighter
+    than black.
     """
     black = readings.mean_spectrum(np.zeros(3), "black (RGB 0, 0, 0)")
     white = readings.mean_spectrum(np.ones(3), "white (full RGB)")
@@ -157,6 +158,11 @@ def fit(readings: Readings) -> DisplayModel:
     model = DisplayModel(
         readings.wavelength_nm, black, np.array([p for _, p in found]), curves, white, readings.eye, ()
     )
+    if not model.white_xyz[1] > max(model.black_xyz[1], 0.0):
+        raise InputError(
+            f"{readings.eye + ' eye: ' if readings.eye else ''}white of {model.white_xyz[1]:.3g} cd/m² is no brighter "
+            f"than {'black' if model.white_xyz[1] > 0 else 'nothing'}: the spectra are no radiances of a display"
+        )
     notes = tuple(_notes(model))
     for note in notes:
         warnings.warn(f"{readings.eye + ' eye: ' if readings.eye else ''}{note}", VgonioWarning, stacklevel=2)

@@ -61,6 +61,8 @@ def _from_csv(path: Path) -> Patches:
     try:
         rows = [line.split(",") for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
         rows = [row for row in rows if not row[0].startswith("#")]
+        if len(rows) < 2:
+            raise ValueError("it is empty" if not rows else "it has a head alone")
         nm = np.array([float(x) for x in rows[0][1:]])
         values = np.array([[float(x) for x in row[1:]] for row in rows[1:]])
     except (ValueError, IndexError, OSError) as e:
