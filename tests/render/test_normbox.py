@@ -385,6 +385,7 @@ def test_bad_files_are_one_line(small, tmp_path, capsys, file, change, said):
         ({"render": {"patches": [25]}}, "25"),
         ({"errors": {"sizes": {"angel": 1}}}, "did you mean 'angle'"),
         ({"fit": {"models": ["lambert-1760"]}}, "cannot be rendered by formula"),
+        ({"errors": {"patches": [4, 77]}}, "patches has 77.*1 to 24"),
         ({"boxes": {}}, "did you mean 'box'"),
     ],
 )

@@ -206,7 +206,13 @@ def _settings(data: Mapping[str, Any], folder: Path, shown: str) -> Settings:
     }
     if ("files" in made) == ("virtual" in made):
         raise InputError(f"{shown}: either [files], measured data, or [virtual] is needed, and not both")
-    return Settings(folder=folder, title=str(data.get("title", "Normbox")), **made)
+    settings = Settings(folder=folder, title=str(data.get("title", "Normbox")), **made)
+    for number in settings.errors.patches:
+        if number not in PATCHES and number not in settings.render.patches:
+            raise InputError(
+                f"{shown}: [errors] patches has {number!r}, which is no patch: they go from 1 to {PATCHES[-1]}"
+            )
+    return settings
 
 
 def _table(cls: type[T], data: Any, where: str) -> T:
