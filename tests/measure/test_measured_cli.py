@@ -60,6 +60,8 @@ def test_options_go_where_they_are_known(tmp_path, plane, capsys):
         (["convert", "FILE", "FILE"], "overwrite"),
         (["convert", "FILE", "out.csv", "--set", "digit=3"], "did you mean 'digits'"),
         (["convert", "FILE", "out.csv", "--set", "a.b=3"], "no dots"),
+        (["convert", "FILE", "out.bsdf"], "(--fill) how they are filled. half-angle: "),
+        (["convert", ".", "out.csv"], "is a folder"),
         (["info", "absent.json"], "no such file"),
         (["info", "FILE", "--format", "merl"], "no MERL file"),
         (["cross-validate", "FILE"], "two and more"),

@@ -105,9 +105,9 @@ def isotropic(data: xr.Dataset, fill: str | IsotropicBrdf | None = None) -> Isot
         return IsotropicBrdf(wavelength, lambda wi, wo: hemisphere.between(rows, wi, wo), "linear between cells")
     if fill is None or fill not in FILLS:
         got = "in-plane data do not say what happens at other azimuths" if fill is None else f"fill = {fill!r}"
-        choices = "; ".join(f"fill={k!r}: {v}" for k, v in FILLS.items())
+        choices = "; ".join(f"{k}: {v}" for k, v in FILLS.items())
         hint = "" if fill is None else f" {nearest(fill, FILLS)}."
-        raise InputError(f"{got}.{hint} Say how they are filled: {choices}")
+        raise InputError(f"{got}.{hint} Say with fill (--fill) how they are filled. {choices}")
     plane = _plane_rows(data)
 
     alpha = lobe_roughness(IsotropicBrdf(wavelength, lambda wi, wo: _azimuth(plane, wi, wo), ""))

@@ -152,6 +152,8 @@ def recognise(path: str | os.PathLike[str], format: str | None = None) -> str:
     Raises FileFormatError for a file that is missing or of no known format, InputError for an unknown name.
     """
     path = Path(path)
+    if path.is_dir():
+        raise FileFormatError(f"{path} is a folder: a file with a BRDF is needed")
     if not path.is_file():
         raise FileFormatError(f"no such file: {path}")
     if format is not None and format not in FORMATS:

@@ -133,7 +133,7 @@ def _wavelengths(data: xr.Dataset, where: str, repairs: Repairs, done: list[str]
     nm = data["wavelength"].values
     bad = nm[(nm < PLAUSIBLE_NM[0]) | (nm > PLAUSIBLE_NM[1])]
     if bad.size:
-        remedy = "wavelength_unit='um' converts" if 0 < bad.min() < 50 else "wavelength_unit names another unit"
+        remedy = "wavelength_unit=um (--set) converts" if 0 < bad.min() < 50 else "wavelength_unit names another unit"
         raise FileFormatError(
             f"{where}: a wavelength of {bad[0]:g} nm, allowed is {PLAUSIBLE_NM[0]:g} to {PLAUSIBLE_NM[1]:g} nm; if the "
             f"file counts in another unit, {remedy}"
@@ -147,7 +147,7 @@ def _unit(data: xr.Dataset, where: str, repairs: Repairs, done: list[str]) -> xr
         if share > LARGEST_REFLECTANCE:
             raise FileFormatError(
                 f"{where} reflects at least {share:.3g} times the light that falls in, so its values are not sr⁻¹: "
-                "unit='percent', 'reflectance-factor' or 'reflectance-factor-percent' converts, 'sr-1' insists"
+                "unit=percent (--set), reflectance-factor or reflectance-factor-percent converts, unit=sr-1 insists"
             )
     elif repairs.unit != "sr-1":
         data = data.copy()
@@ -166,13 +166,13 @@ def _negative(data: xr.Dataset, where: str, repairs: Repairs, done: list[str]) -
         return data
     found = f"{count} of {int(np.isfinite(values).sum())} values are negative, the least {np.nanmin(values):.3g} sr⁻¹"
     if repairs.negative == "error":
-        raise FileFormatError(f"{where}: {found}; negative='missing', 'zero' or 'keep' goes on")
+        raise FileFormatError(f"{where}: {found}; negative=missing, zero or keep (--set negative=zero) goes on")
     data = data.copy()
     data["brdf"] = data["brdf"].copy(data=np.where(negative, 0.0 if repairs.negative == "zero" else np.nan, values))
     taken = "set to zero" if repairs.negative == "zero" else "taken as missing"
     done.append(f"{count} negative values {taken}")
     if repairs.negative == "missing":
-        warnings.warn(f"{where}: {found}: {taken} (negative='keep', 'zero', 'error')", VgonioWarning, stacklevel=5)
+        warnings.warn(f"{where}: {found}: {taken} (--set negative=keep, zero or error)", VgonioWarning, stacklevel=5)
     return data
 
 

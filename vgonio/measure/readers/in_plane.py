@@ -64,8 +64,8 @@ def dense_dataset(
     if duplicates == "error" and np.any(count > 1):
         k, j = divmod(int(pair[count > 1][0]), axis_o.size)
         raise FileFormatError(
-            f"{where}: the pair θ_i = {axis_i[k]:g}°, θ_o = {axis_o[j]:g}° appears twice; duplicates='mean' or 'first' "
-            "merges"
+            f"{where}: the pair θ_i = {axis_i[k]:g}°, θ_o = {axis_o[j]:g}° appears twice; "
+            "duplicates=mean or duplicates=first (--set) merges"
         )
     pair, spectra, stderr = once(index, spectra, stderr, duplicates)
     order = np.argsort(wavelength)

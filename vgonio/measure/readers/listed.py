@@ -81,7 +81,7 @@ def from_rows(
         i, _, o, phi = pairs[k // axis.size]
         raise FileFormatError(
             f"{where}: the pair θ_i = {i:g}°, θ_o = {o:g}°, φ_o = {phi:g}° appears twice at {axis[k % axis.size]:g} "
-            "nm; duplicates='mean' or 'first' merges"
+            "nm; duplicates=mean or duplicates=first (--set) merges"
         )
     place, values, errors = checks.once(
         index, value[:, None], None if stderr is None else stderr[:, None], repairs.duplicates
@@ -177,7 +177,7 @@ def _hemisphere(
         k, j = divmod(int(np.flatnonzero(np.bincount(index) > 1)[0]), len(cells))
         raise FileFormatError(
             f"{where}: θ_i = {axis_i[k]:g}°, θ_o = {cells[j, 0]:g}°, φ_o = {cells[j, 1]:g}° appears twice; "
-            "duplicates='mean' or 'first' merges"
+            "duplicates=mean or duplicates=first (--set) merges"
         )
     place, values, errors = checks.once(index, spectra, stderr, repairs.duplicates)
     order = np.argsort(wavelength)

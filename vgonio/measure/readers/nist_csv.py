@@ -72,7 +72,7 @@ def _assemble(
         i, o = pairs[k // wavelength.size]
         raise FileFormatError(
             f"{path}: the pair θ_i = {i:g}°, θ_o = {o:g}° appears twice at {wavelength[k % wavelength.size]:g} nm; "
-            "duplicates='mean' or 'first' merges"
+            "duplicates=mean or duplicates=first (--set) merges"
         )
     kept, values, _ = once(index, rows[:, 5:6], None, duplicates)
     spectra = np.full(len(pairs) * wavelength.size, np.nan)

@@ -87,6 +87,8 @@ def read_counts(path: str | os.PathLike[str], duplicates: str = "error") -> xr.D
     Returns counts (theta_i, theta_o, wavelength) for `measure.calibration`. Raises FileFormatError as `read` does.
     """
     path = Path(path)
+    if path.is_dir():
+        raise FileFormatError(f"{path} is a folder: a CSV of counts is needed")
     if not path.is_file():
         raise FileFormatError(f"no such file: {path}")
     data = _read(path, Repairs(duplicates=duplicates), "counts")
