@@ -172,6 +172,10 @@ def test_two_wavelengths_are_fitted_without_colour(small, tmp_path, capsys):
     assert "alpha = 0.36" in row["parameters"]
     assert any("no dE00" in note and "450 to 650 nm" in note for note in row["notes"])
     assert found["shift"][0]["quantity"] == "left out"
+    assert run("fit", tmp_path / "two.json", "--model", "clausen-2022") == 0
+    out = capsys.readouterr().out
+    assert "no dE00" in out
+    assert "Appearance" not in out
 
 
 def test_where_there_is_no_shift_no_frequency_is_printed(tmp_path, capsys):

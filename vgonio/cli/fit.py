@@ -105,7 +105,8 @@ def fit(
     columns = {"sample": "sample", "model": "model", "delta_e": "mean dE00", "gain": "gain", "gain_stderr": "±"}
     columns |= {"nrmse": "NRMSE", "parameters": "parameters"}
     print_table(f"Models (dE00: {scale})", list(columns.values()), [[r[k] for k in columns] for r in table])
-    print_table("Appearance of the models", SHIFT_COLUMNS, [[r[k] for k in SHIFT_COLUMNS] for r in looks])
+    if looks:
+        print_table("Appearance of the models", SHIFT_COLUMNS, [[r[k] for k in SHIFT_COLUMNS] for r in looks])
     for row in table:
         for note in row["notes"]:
             say(f"{row['sample']}, {row['model']}: {note}")
