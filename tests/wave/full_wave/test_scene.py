@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info
 
 import vgonio as vg
 from vgonio.errors import InputError
@@ -75,3 +76,24 @@ def test_the_forecast_is_of_the_right_size():
     assert expected > 1.5 * forecast(solver, made, one).seconds
     cut = made.replace(periodic=False)
     assert forecast(solver, cut, three).seconds == forecast(solver, cut, one).seconds
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+def test_progress_moves_within_one_wavelength(periodic):
+    """Up to 1, never back, no step larger than a half: several windows, one wavelength; and one thread of BLAS."""
+    told, threads = [], []
+
+    def progress(share: float) -> None:
+        told.append(share)
+        threads.extend(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+
+    made = vg.surface.sinusoid(5, 0.2, shape=(1, 600), pitch_um=0.05).replace(periodic=periodic)
+    incoming = vg.directions.Incoming([0.0, 30.0], coherence_um=2.5)
+    solver = FullWave("Al", [550.0], progress=progress, windows=2)
+    solver.scatter(made, incoming, vg.directions.Detector.in_plane([0.0, 30.0], aperture_deg=2.0))
+    steps = np.diff([0.0, *told])
+    assert told[-1] == 1
+    assert len(told) >= 5
+    assert steps.min() >= 0
+    assert steps.max() <= 0.5
+    assert min(threads, default=1) == 1

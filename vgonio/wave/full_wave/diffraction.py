@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,8 +28,9 @@ Table = list[list[Diffraction]]  # by polarisation and angle of incidence
 
 
 def solved(
-    solver: FullWave, surface: Heightfield, theta: Floats, wavelength_nm: float, polarisations: tuple[str, ...]
-) -> tuple[Table, float]:
+    solver: FullWave, surface: Heightfield, theta: Floats, wavelength_nm: float, polarisations: tuple[str, ...],
+    tell: effort.Part,
+) -> tuple[Table, float]:  # fmt: skip
     """Orders of one wavelength for θ_i (radians), and the error of their efficiencies."""
     wavelength, index = float(nm_to_um(wavelength_nm)), solver.index(wavelength_nm)
     period = profile.period_of(surface, wavelength)
@@ -38,17 +38,21 @@ def solved(
     def price(nodes: int) -> effort.Cost:
         return effort.cost(nodes, index, len(polarisations), len(theta), True)
 
-    def run(round_: int) -> tuple[Floats, Table, float]:
+    def run(round_: int, part: effort.Part) -> tuple[Floats, Table, float]:
         how = effort.resolution(surface, wavelength, index, solver.tol, round_)
         span, what = profile.period_span(surface, wavelength), f"a period of {period:.3g} µm at {wavelength_nm:g} nm"
         curve = effort.affordable(surface, span, how, price, what)
-        grating = Grating.of(curve, period, wavelength, index, polarisations)
-        found = [grating.diffract(float(t), polarisations) for t in theta]
+        with effort.threads(curve.size):
+            grating = Grating.of(curve, period, wavelength, index, polarisations)
+            found: list[list[Diffraction]] = []
+            for t in theta:
+                part((1 + len(found)) / (1 + len(theta)))
+                found.append(grating.diffract(float(t), polarisations))
         table = [[one[p] for one in found] for p in range(len(polarisations))]
         every = [d for row in table for d in row]
         return _rows(every), table, max(abs(1 - d.reflected - d.absorbed) for d in every)
 
-    _, table, error = effort.converged(run, solver.tol)
+    _, table, error = effort.converged(run, solver.tol, tell)
     return table, error
 
 
@@ -73,9 +77,8 @@ def orders(solver: FullWave, surface: Heightfield, theta_i_deg: Any) -> xr.Datas
     wavelengths = np.asarray(solver.wavelength_nm, float)
     found = []
     for n, w in enumerate(wavelengths):
-        found.append(solved(solver, surface, radians(theta), float(w), polarisations))
-        if solver.progress is not None:
-            solver.progress((n + 1) / len(wavelengths))
+        found.append(solved(solver, surface, radians(theta), float(w), polarisations, solver.teller(n)))
+        solver.teller(n)(1.0)
     said = [r for (table, _), w in zip(found, wavelengths) for r in _remarks(table, float(w), theta)]
     error = max(e for _, e in found)
     solver.warn(error, said)
@@ -144,13 +147,13 @@ def scattered(
     wavelength_nm: float,
     polarisations: tuple[str, ...],
     sign: float,
-    tell: Callable[[float], None],
+    tell: effort.Part,
 ) -> Outcome:
     """One wavelength of `scatter`: every order a Gaussian lobe, as wide as the coherence window diffracts.
 
     Efficiencies are those of the middle of the beam's spectrum, and the mean over all places of the window.
     """
-    table, error = solved(solver, surface, sign * radians(incoming.theta_deg), wavelength_nm, polarisations)
+    table, error = solved(solver, surface, sign * radians(incoming.theta_deg), wavelength_nm, polarisations, tell)
     tell(1.0)
     k, taper = 2 * np.pi / float(nm_to_um(wavelength_nm)), taper_of(incoming, surface)
     brdf = np.stack(

@@ -14,6 +14,7 @@ from .panels import Floats, Panels
 from .profile import Resolution, cut, fewest_nodes
 
 MOST_UNKNOWNS = 8000
+SMALL = 700  # nodes below which a second thread gains nothing worth having
 ORDER, FEW = 10, 5  # nodes of a panel; of one among corners in the first solution, for tol ≥ LAX
 LAX = 3e-4
 NOTHING = 1e-9
@@ -25,7 +26,10 @@ PER_KERNEL, PER_IMAGE, PER_FLOP = 35e-9, 1.1e-6, 1 / 1.5e10
 NEARBY = 1000  # kernel values, for each node, of the panels close to it
 CLEAR = 0.3  # k of a material through which panels further away see each other
 
+DONE = (0.0, 0.3, 0.8, 0.95, 1.0)  # of the work, before each solution: two are enough as a rule
+
 T = TypeVar("T")
+Part = Callable[[float], None]  # is told the share of some work that is done
 
 
 @dataclass(frozen=True)
@@ -92,29 +96,40 @@ def affordable(
     return curve
 
 
+def threads(nodes: int) -> Any:
+    """Context in which small systems have one thread of BLAS: more of them wait for each other, up to a hundred times
+    longer than the work takes where other programs run beside them."""
+    from threadpoolctl import threadpool_limits
+
+    return threadpool_limits(1 if nodes < SMALL else None, user_api="blas")
+
+
 def converged(
-    run: Callable[[int], tuple[Floats, T, float]], tol: float, progress: Callable[[float], Any] | None = None
+    run: Callable[[int, Part], tuple[Floats, T, float]], tol: float, progress: Part
 ) -> tuple[Floats, T, float]:
     """Solutions on finer and finer panels until two agree: values of the last, what comes with them, their error.
 
-    run : round → values (r, m), anything else, and what else is known of their error (the energy balance of a grating)
+    run : round, and whom to tell how much of it is done → values (r, m), anything else, and what else is known of their
+        error (the energy balance of a grating)
     The error is the difference of the last two solutions relative to the largest value of each row, which is the error
     of the coarser one, or that other figure where it is larger. Where a second solution cannot be afforded, a coarser
     one is compared with the first.
     """
-    last, found, defect = run(0)
+
+    def inside(round_: int) -> Part:
+        return lambda part: progress(DONE[round_] + part * (DONE[round_ + 1] - DONE[round_]))
+
+    last, found, defect = run(0, inside(0))
     error = np.inf
     for round_ in range(1, ROUNDS):
         try:
-            fine, better, defect = run(round_)
+            fine, better, defect = run(round_, inside(round_))
         except ToleranceError:
             if not np.isfinite(error):
-                error = max(difference(run(-1)[0], last), defect)
+                error = max(difference(run(-1, lambda part: None)[0], last), defect)
             break
         error = max(difference(last, fine), defect)
         last, found = fine, better
-        if progress is not None:
-            progress(round_ / ROUNDS)
         if error <= tol:
             break
     return last, found, error

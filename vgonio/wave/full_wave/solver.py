@@ -90,13 +90,8 @@ class FullWave:
         sign = _azimuth(incoming)
         outcomes = []
         for n, wavelength in enumerate(self.wavelength_nm):
-
-            def tell(part: float, done: int = n) -> None:
-                if self.progress is not None:
-                    self.progress((done + part) / len(self.wavelength_nm))
-
             solve = diffraction.scattered if surface.periodic else windows.scattered
-            outcomes.append(solve(self, surface, incoming, detector, wavelength, polarisations, sign, tell))
+            outcomes.append(solve(self, surface, incoming, detector, wavelength, polarisations, sign, self.teller(n)))
         data = self._dataset(outcomes, surface, incoming, detector, polarisations)
         data.attrs["seconds"] = time.perf_counter() - start
         return data
@@ -128,6 +123,15 @@ class FullWave:
         }
 
     # ---- parts
+    def teller(self, n: int) -> Callable[[float], None]:
+        """Takes the share of wavelength number `n` that is done, to `progress`."""
+
+        def tell(part: float) -> None:
+            if self.progress is not None:
+                self.progress((n + part) / len(self.wavelength_nm))
+
+        return tell
+
     def polarisations(self, incoming: Incoming) -> tuple[str, ...]:
         """ "TE", "TM" or both, as the light asks; InputError where light and solver exclude each other."""
         light = OF_LIGHT[incoming.polarisation]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,7 +49,7 @@ def scattered(
     wavelength_nm: float,
     polarisations: tuple[str, ...],
     sign: float,
-    tell: Callable[[float], None],
+    tell: effort.Part,
 ) -> Outcome:
     """One wavelength: the mean over windows; the panels are converged in the middle window, and serve all others."""
     wavelength, index = float(nm_to_um(wavelength_nm)), solver.index(wavelength_nm)
@@ -61,13 +60,18 @@ def scattered(
     def price(nodes: int) -> effort.Cost:
         return effort.cost(nodes, index, len(polarisations), len(theta), False)
 
-    def window(n: int, round_: int) -> list[Fields]:
+    def window(n: int, round_: int, part: effort.Part) -> list[Fields]:
         how = effort.resolution(surface, wavelength, index, solver.tol, round_)
         span = piece(surface, middles[n], taper, wavelength)
         what = f"a piece of {span[1] - span[0]:.3g} µm at {wavelength_nm:g} nm"
         curve = effort.affordable(surface, span, how, price, what)
-        patch = Patch.of(curve, wavelength, index, polarisations)
-        return [patch.solve(theta, p, taper, middles[n]) for p in polarisations]
+        with effort.threads(curve.size):
+            patch = Patch.of(curve, wavelength, index, polarisations)
+            found: list[Fields] = []
+            for p in polarisations:
+                part((1 + len(found)) / (1 + len(polarisations)))
+                found.append(patch.solve(theta, p, taper, middles[n]))
+        return found
 
     def means(found: list[Fields]) -> tuple[Floats, Floats]:
         pairs = [_detected(f, detector, sign, taper) for f in found]
@@ -75,17 +79,22 @@ def scattered(
 
     rounds: list[int] = []
 
-    def run(round_: int) -> tuple[Floats, list[Fields], float]:
-        found = window(len(middles) // 2, round_)
+    def run(round_: int, part: effort.Part) -> tuple[Floats, list[Fields], float]:
+        found = window(len(middles) // 2, round_, part)
         rounds.append(round_)
         brdf = means(found)[0]
         return brdf.reshape(-1, brdf.shape[-1]), found, 0.0
 
-    _, middle, error = effort.converged(run, solver.tol, lambda part: tell(part / (len(middles) + 1)))
-    every = []
+    _, middle, error = effort.converged(run, solver.tol, lambda part: tell(part / len(middles)))
+    every: list[list[Fields]] = []
     for n in range(len(middles)):
-        every.append(middle if n == len(middles) // 2 else window(n, max(rounds)))
-        tell((n + 1) / len(middles))
+        before = len(every) + (n < len(middles) // 2)  # windows that are done, the middle one included
+
+        def part(share: float, before: int = before) -> None:
+            tell((before + share) / len(middles))
+
+        every.append(middle if n == len(middles) // 2 else window(n, max(rounds), part))
+    tell(1.0)
     pairs = [means(found) for found in every]
     brdf = np.stack([p[0] for p in pairs])
     if len(middles) > 1:
