@@ -3,8 +3,8 @@
     python examples/wavelength_shift/analyse.py out/shift -o out/shift.png
 
 Slopes are those of thesis 4.2 at 600 nm in % per 100 nm, the exponent p of the Fresnel reflectance fixed at the number
-of reflections (1, or 2 for the rest). Errors are those of the jackknife over rows: how much another row would change
-them.
+of reflections (1, or 2 for the rest). Errors are those of the jackknife over rows, as if
+these were independent.
 """
 
 from __future__ import annotations
