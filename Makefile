@@ -6,7 +6,7 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && echo $$p && break; done)
 WORKERS ?= auto
 
-.PHONY: help demo test check docs format clean
+.PHONY: help demo test check docs notebooks format clean
 .DEFAULT_GOAL := help
 
 help:
@@ -14,6 +14,7 @@ help:
 	@echo "make test    run the tests"
 	@echo "make check   lint, formatting, types, import rule"
 	@echo "make docs    write the pages of docs/ as out/docs/index.html; a warning is an error"
+	@echo "make notebooks    make notebooks/ again from the scripts of examples/, executed"
 	@echo "make format  put the formatting right"
 	@echo "make clean   remove .venv, out and caches"
 
@@ -48,6 +49,9 @@ check: $(VENV)/dev.stamp
 docs: $(VENV)/dev.stamp
 	$(BIN)/sphinx-build -W --keep-going -n -q -d out/doctrees docs out/docs
 	@echo "Done. Open out/docs/index.html in a browser."
+
+notebooks: $(VENV)/dev.stamp
+	$(BIN)/python notebooks/make.py
 
 format: $(VENV)/dev.stamp
 	$(BIN)/ruff check --fix .

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -17,13 +18,14 @@ author = "vgonio developers"
 copyright = "vgonio developers, MIT licence"
 version = release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "sphinxcontrib.bibtex"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "sphinxcontrib.bibtex"]
 html_theme = "furo"
 html_title = f"vgonio {__version__}"
 html_show_sphinx = False
 smartquotes = False  # names in quotes are typed as they stand
 
 myst_heading_anchors = 3
+nb_execution_mode = "off"  # `make notebooks` has stored the outputs, and the tests run them
 bibtex_bibfiles = ["../BIBLIOGRAPHY.bib"]
 bibtex_default_style = "plain"
 bibtex_reference_style = "author_year"
@@ -43,5 +45,12 @@ def _prepare(app, what, name, obj, options, lines: list[str]) -> None:
     lines[:] = as_markup(lines, KNOWN)
 
 
+def _notebooks(app, name: str, source: list[str]) -> None:
+    """Links to the notebooks, which as the files stand lead to the folder beside this one, lead to their pages."""
+    if name == "notebooks":
+        source[0] = re.sub(r"\[([^\]]*)\]\(\.\./notebooks/(\w+)\.ipynb\)", r"{doc}`\1 <notebooks/\2>`", source[0])
+
+
 def setup(app) -> None:
+    app.connect("source-read", _notebooks)
     app.connect("autodoc-process-docstring", _prepare)

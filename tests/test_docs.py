@@ -135,7 +135,7 @@ def test_docstrings_become_lists_and_links() -> None:
 @pytest.fixture(scope="session")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The pages, built as `make docs` does: a warning is an error."""
-    for module in ("sphinx", "myst_parser", "furo", "sphinxcontrib.bibtex"):
+    for module in ("sphinx", "myst_nb", "furo", "sphinxcontrib.bibtex"):
         pytest.importorskip(module, reason=f"no {module}: pip install 'vgonio[docs]'")
     folder = tmp_path_factory.mktemp("docs")
     options = ["-W", "--keep-going", "-n", "-q", "-d", str(folder / "trees")]

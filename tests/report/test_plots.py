@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import pickle
+import struct
 import subprocess
 import sys
 
@@ -11,9 +13,12 @@ import pytest
 import xarray as xr
 from matplotlib.figure import Figure
 
+import vgonio as vg
 from vgonio import report
 from vgonio.compare.colour import delta_e_2000
 from vgonio.errors import InputError
+from vgonio.measure.surface_summary import surface_dataset
+from vgonio.report.style import NOTEBOOK_DPI
 
 PLOTS = [name for name in report.__all__ if name.startswith("plot_")]
 OF_A_PLANE = sorted(set(PLOTS) - {"plot_hemisphere", "plot_mueller", "plot_ways"})
@@ -106,6 +111,37 @@ def test_surface_pictures_take_the_summary(full_result, surface_summary):
     for data in (full_result, full_result["surface"], surface_summary):
         figure = data.vgonio.plot_heights()
         np.testing.assert_allclose(figure.axes[0].lines[0].get_ydata(), surface_summary["height_density"])
+
+
+def test_surface_pictures_take_a_heightfield():
+    surface = vg.surface.gaussian(rms_um=0.5, correlation_um=4, shape=(48, 64), pitch_um=0.5, seed=2)
+    drawn = [report.plot_heights(data).axes[0].lines[0].get_ydata() for data in (surface, surface_dataset(surface))]
+    np.testing.assert_array_equal(*drawn)
+
+
+def test_several_results_by_name(full_result, ray_result, wave_result):
+    figure = report.plot_lobes({"rays": ray_result, "waves_coarse": wave_result, "measured": full_result["measured"]})
+    names = [t.get_text() for t in figure.legends[0].get_texts()]
+    assert names == ["Rays", "Waves (Kirchhoff)", "Measured"]
+    ends = [line.get_ydata() for line in figure.axes[0].lines if len(line.get_ydata()) == ray_result.sizes["theta_o"]]
+    whole = [line.get_ydata() for line in report.plot_lobes(full_result).axes[0].lines]
+    assert len(ends) == 3
+    for one, other in zip(ends, whole):
+        np.testing.assert_array_equal(one, other)
+    with pytest.raises(InputError, match="'all': one dataset is needed beside others, got a result of 3"):
+        report.plot_lobes({"all": full_result})
+
+
+def test_a_notebook_shows_a_figure_without_pyplot(ray_result):
+    """IPython asks an object for `_repr_png_`; a plain Figure has none, and pyplot, which would help, is not loaded."""
+    figure = ray_result.vgonio.plot_lobes()
+    shown = figure._repr_png_()
+    assert shown[:8] == b"\x89PNG\r\n\x1a\n"
+    wide, tall = struct.unpack(">II", shown[16:24])
+    np.testing.assert_allclose([wide, tall], figure.get_size_inches() * NOTEBOOK_DPI, atol=1)
+    assert shown == figure._repr_png_()
+    copy = pickle.loads(pickle.dumps(figure))  # figures go from worker to worker
+    assert copy._repr_png_()[:4] == b"\x89PNG"
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,11 @@ from ..errors import InputError
 if TYPE_CHECKING:
     import xarray as xr
 
-    Result = xr.DataTree | xr.Dataset
+    from ..surface import Heightfield
 
-SURFACE_HELP = (
-    "a whole result has it in the group 'surface'; of a Heightfield it is summed up by vgonio.measure.surface_summary"
-)
+    Result = xr.DataTree | xr.Dataset | dict[str, xr.Dataset]
+
+SURFACE_HELP = "a whole result has it in the group 'surface', and a Heightfield is taken as well"
 
 
 def tree_of(result: Result) -> xr.DataTree:
@@ -27,11 +27,13 @@ def tree_of(result: Result) -> xr.DataTree:
 
 
 def results_of(result: Result) -> dict[str, xr.Dataset]:
-    """The BRDFs of a result by name; InputError where there are none."""
+    """The BRDFs of a result, or of several by name, by name; InputError where there are none."""
     import xarray as xr
 
     from . import quantities as q
 
+    if isinstance(result, dict):
+        return {name: _single(name, data) for name, data in result.items()}
     if isinstance(result, xr.DataTree) and "brdf" not in result.data_vars:
         found = q.results(result)
         if not found:
@@ -44,6 +46,13 @@ def results_of(result: Result) -> dict[str, xr.Dataset]:
         )
     name = result.name if isinstance(result, xr.DataTree) else None
     return q.results(xr.DataTree.from_dict({name or _name(data): _whole(data)}))
+
+
+def _single(name: str, data: xr.Dataset) -> xr.Dataset:
+    found = list(results_of(data).values())
+    if len(found) != 1:
+        raise InputError(f"{name!r}: one dataset is needed beside others, got a result of {len(found)}: name its parts")
+    return found[0]
 
 
 def _name(data: xr.Dataset) -> str:
@@ -97,11 +106,16 @@ def holding(result: Result, figure: str, variable: str, help: str) -> xr.Dataset
     raise InputError(f"{figure} needs the variable {variable!r}, which this result does not hold: {help}")
 
 
-def surface_of(result: Result, figure: str, variable: str) -> xr.Dataset:
-    """The summary of a surface, of a whole result or by itself; InputError where the variable is not in it."""
+def surface_of(result: xr.DataTree | xr.Dataset | Heightfield, figure: str, variable: str) -> xr.Dataset:
+    """The summary of a surface, of a whole result, by itself, or of a Heightfield; InputError without the variable."""
     import xarray as xr
 
-    if isinstance(result, xr.DataTree):
+    from ..measure.surface_summary import surface_dataset
+    from ..surface import Heightfield
+
+    if isinstance(result, Heightfield):
+        found = surface_dataset(result)
+    elif isinstance(result, xr.DataTree):
         node = result.children.get("surface", result)
         found = node.to_dataset()
     else:

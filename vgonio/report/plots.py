@@ -3,11 +3,13 @@
 >>> tree = vg.open("result.nc")
 >>> tree.vgonio.plot_lobes()                                # all results of the file in one figure
 >>> tree["rays"].vgonio.plot_decomposition(wavelength_nm=450)
->>> vg.report.plot_lobes(rays).savefig("lobes.png", dpi=200)
+>>> vg.report.plot_lobes({"rays": rays, "waves": waves}).savefig("lobes.png", dpi=200)
+>>> vg.report.plot_surface(surface)
 
-A result is a whole one (DataTree of `vg.open`, `vg.simulate`) or one of its datasets. Every function returns a
-matplotlib Figure, which a notebook shows by itself, and raises InputError, with what to use instead, where the result
-does not hold what its picture needs. The functions of `vgonio.report.figures` behind them take datasets by name.
+A result is a whole one (DataTree of `vg.open`, `vg.simulate`), one of its datasets, or several of these by name;
+pictures of the surface take a Heightfield as well. Every function returns a matplotlib Figure, which a notebook shows
+by itself, and raises InputError, with what to use instead, where the result does not hold what its picture needs. The
+functions of `vgonio.report.figures` behind them take datasets by name.
 """
 
 from __future__ import annotations
@@ -23,7 +25,10 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-    Result = xr.DataTree | xr.Dataset
+    from ..surface import Heightfield
+
+    Result = xr.DataTree | xr.Dataset | dict[str, xr.Dataset]
+    Surface = xr.DataTree | xr.Dataset | Heightfield
 
 
 # ---- scattering
@@ -201,31 +206,31 @@ def plot_shift(result: Result, material: Any = None) -> Figure:
 
 
 # ---- the surface
-def plot_surface(result: Result) -> Figure:
+def plot_surface(result: Surface) -> Figure:
     """Height map with its scale bar, and a detail at full resolution where there is one.
 
-    result : a whole one with the group `surface`, or such a summary. Raises InputError where there is none.
+    result : a Heightfield, a whole result with the group `surface`, or such a summary. Raises InputError without one.
     """
     from .figures import surface_map
 
     return surface_map(surface_of(result, "plot_surface", "z"))
 
 
-def plot_heights(result: Result) -> Figure:
+def plot_heights(result: Surface) -> Figure:
     """Distribution of the heights with the Gaussian of the same Sq; InputError without a summary of the surface."""
     from .figures import height_histogram
 
     return height_histogram(surface_of(result, "plot_heights", "height_density"))
 
 
-def plot_slopes(result: Result) -> Figure:
+def plot_slopes(result: Surface) -> Figure:
     """Distribution of the slopes with the Gaussian of Beckmann's α; InputError without a summary of the surface."""
     from .figures import slope_histogram
 
     return slope_histogram(surface_of(result, "plot_slopes", "slope_density"))
 
 
-def plot_psd(result: Result) -> Figure:
+def plot_psd(result: Surface) -> Figure:
     """Power spectral density of the heights against spatial frequency; InputError without a summary of the surface."""
     from .figures import psd
 

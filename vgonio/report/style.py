@@ -58,6 +58,7 @@ STYLE: dict[Any, Any] = {
     "image.interpolation": "none",
 }
 SVG_PER_INCH = 104  # CSS pixels on the page: 9 pt text appears at 13 px
+NOTEBOOK_DPI = 88  # a figure of full width, 10 inches, is 880 pixels wide in a notebook
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -75,10 +76,21 @@ def styled(draw: F) -> F:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of that size in inches, without pyplot and its global state."""
+    """An empty figure of that size in inches, without pyplot and its global state; notebooks show it all the same."""
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout="constrained")
+    # what IPython asks an object for; it draws a Figure by itself only once pyplot is loaded
+    setattr(figure, "_repr_png_", functools.partial(png, figure))  # noqa: B010 (no attribute of Figure)
+    return figure
+
+
+@styled
+def png(figure: Figure, dpi: float = NOTEBOOK_DPI) -> bytes:
+    """The figure as a PNG file; the same figure gives the same bytes."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
+    return buffer.getvalue()
 
 
 def panels(count: int, *, width: float = 10.0, height: float = 2.05, most: int = 3) -> tuple[Figure, list[Axes]]:
