@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import csv
+import datetime
+import json
 import os
+import platform
+import subprocess
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+RECORDS = ROOT / "out" / "validated.json"
 
 
 @pytest.fixture(scope="session")
@@ -23,3 +31,100 @@ def shared() -> Path:
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(20221101)
+
+
+# ---- the table "validated against": docs/validated.py makes it from what this fixture records
+@pytest.fixture(scope="session")
+def printed() -> dict[str, float]:
+    """Quantity → figure of the rows of docs/validated.csv that have a limit from above."""
+    file = ROOT / "docs" / "validated.csv"
+    if not file.exists():
+        return {}
+    with file.open(encoding="utf-8", newline="") as stream:
+        return {r["quantity"]: float(r["achieved"]) for r in csv.DictReader(stream) if not r["achieved_from"]}
+
+
+@pytest.fixture
+def agreement(request: pytest.FixtureRequest, printed: dict[str, float]) -> Callable[..., None]:
+    """`agreement("quantity", "against", achieved, allowed, unit)`: asserts, and makes a row of the table of proofs.
+
+    quantity, against : plain strings, as the table prints them; calls of one quantity become one row
+    achieved : a number or an array of them; allowed : the most that it may be in size, a number or an array of them, or
+        two numbers in a tuple, between which all of `achieved` must lie (±inf where a side is open)
+    unit : "" or what is printed behind both, such as "standard errors" or "%"
+
+    A figure ten times worse than the one in print fails as well (of limits from above, and of at least 1e-3 of the
+    limit: what is below is rounding): the table keeps its word, or `make validated` renews it.
+    """
+
+    def check(quantity: str, against: str, achieved: Any, allowed: Any, unit: str = "") -> None:
+        found = np.asarray(achieved, dtype=float)
+        record = {"quantity": quantity, "against": against, "unit": unit, "cases": int(found.size)}
+        if isinstance(allowed, tuple):
+            low, high = (float(a) for a in allowed)
+            assert np.all((low <= found) & (found <= high)), f"{quantity}: {found} is not within {allowed} {unit}"
+            record |= {"achieved_from": float(found.min()), "achieved": float(found.max())}
+            record |= {"allowed_from": low, "allowed": high}
+        else:
+            found, limit = (a.ravel() for a in np.broadcast_arrays(np.abs(found), np.asarray(allowed, dtype=float)))
+            assert np.all(found <= limit), f"{quantity}: {found.max()} {unit} is above {limit.max()} {unit}"
+            worst = int(np.argmax(found / np.maximum(limit, 1e-300)))
+            record |= {"achieved_from": None, "achieved": float(found[worst])}
+            record |= {"allowed_from": None, "allowed": float(limit[worst])}
+        request.node.user_properties.append(("agreement", record))
+        if record["allowed_from"] is None and quantity in printed:
+            most = max(10 * printed[quantity], 1e-3 * record["allowed"])
+            said = f"{quantity}: {record['achieved']:.2g} {unit}, and docs/validated.csv says {printed[quantity]:.2g}"
+            assert record["achieved"] <= most, f"{said}; if it is to stay, `make validated` renews the table"
+
+    return check
+
+
+class Agreements:
+    """Gathers what the tests recorded, from all workers, and writes out/validated.json when the session ends."""
+
+    def __init__(self) -> None:
+        self.ran: dict[str, list[dict[str, Any]]] = {}
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.when == "call":
+            records = [value for name, value in report.user_properties if name == "agreement"]
+            self.ran[report.nodeid] = [{**r, "test": report.nodeid.partition("[")[0]} for r in records]
+
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """A run of all tests begins anew; a run of some renews theirs."""
+        if not any(self.ran.values()):
+            return
+        chosen = session.config.option.keyword or session.config.option.markexpr
+        whole = session.config.args_source == pytest.Config.ArgsSource.TESTPATHS and not chosen
+        before = {} if whole or not RECORDS.exists() else json.loads(RECORDS.read_text(encoding="utf-8"))
+        about = circumstances()
+        now = {node: [{**r, **about} for r in records] for node, records in self.ran.items()}
+        RECORDS.parent.mkdir(exist_ok=True)
+        temporary = RECORDS.with_suffix(f".{os.getpid()}.tmp")
+        temporary.write_text(json.dumps({k: v for k, v in (before | now).items() if v}, indent=0), encoding="utf-8")
+        os.replace(temporary, RECORDS)
+
+
+def circumstances() -> dict[str, str]:
+    """Day, version, commit and machine that figures belong to."""
+    from vgonio import __version__
+    from vgonio.accuracy import machine
+
+    try:
+        done = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True)
+        commit = done.stdout.strip()
+    except OSError:  # no git: an unpacked source distribution
+        commit = ""
+    about = machine()
+    return {
+        "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
+        "version": __version__,
+        "commit": commit,
+        "machine": f"{about['processor']}, {about['processors']} processors, {platform.system()}",
+    }
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if not hasattr(config, "workerinput"):  # with xdist the workers send their reports to the one who writes
+        config.pluginmanager.register(Agreements(), "agreements")
