@@ -33,15 +33,15 @@ FINE = np.arange(-88.0, 88.1, 1)
 
 # ---- gloss
 @pytest.mark.parametrize("angle", [20.0, 60.0, 85.0])
-def test_polished_black_glass_is_100(angle):
+def test_polished_black_glass_is_100(angle, agreement):
     """A facet model of index 1.567 as α → 0: the long wings of GGX leave 0.2 % outside at α = 2·10⁻⁴."""
     found = reading(of_model("cook-torrance-1982", ONE, alpha=2e-4, eta=1.567), angle)
-    assert found == pytest.approx(100, abs=0.3)
+    agreement("gloss of polished black glass, 20, 60, 85°", "100", found - 100, 0.3)
     assert reading(of_model("beckmann-1963", ONE, alpha=2e-4, eta=1.567), angle) == pytest.approx(100, abs=0.05)
 
 
 @pytest.mark.parametrize("angle", [20.0, 60.0, 85.0])
-def test_gloss_of_lambert_in_closed_form(angle):
+def test_gloss_of_lambert_in_closed_form(angle, agreement):
     """f = 1/π: the projected solid angle of the rectangle, by a fine midpoint rule, over π R.
 
     The corners of the rectangle cost the polar rule 2·10⁻⁴.
@@ -52,7 +52,8 @@ def test_gloss_of_lambert_in_closed_form(angle):
     # cosine to the normal of a direction (x, y, 1) in the frame of the receptor
     projected = np.mean((np.cos(t) + x * np.sin(t)) / (1 + x**2 + y**2) ** 2) * 4 * wide * across
     expected = 100 * projected / np.pi / fresnel_dielectric(np.cos(t), 1.567)
-    assert reading(of_model("lambert-1760", ONE, k_d=1.0), angle) == pytest.approx(float(expected), rel=4e-4)
+    error = reading(of_model("lambert-1760", ONE, k_d=1.0), angle) / float(expected) - 1
+    agreement("gloss of Lambert, 20, 60, 85°", "closed form", error, 4e-4)
 
 
 @pytest.mark.parametrize("alpha", [0.05, 0.2])
@@ -185,7 +186,7 @@ def tilted(data: xr.Dataset, share: float) -> xr.Dataset:
     return models.evaluate("clausen-2022", *grid, alpha=0.4, h=share * 1.5e-3, w=3.0)
 
 
-def test_shares_are_those_put_in(shifted):
+def test_shares_are_those_put_in(shifted, agreement):
     """With the fraction c of the slope, 1 − (1 − c)² is explained; noise of both is taken out of the sums."""
     measured = noisy(shifted, 0)
     with_noise = {f"{c:g}": noisy(tilted(shifted, c), 10 + i) for i, c in enumerate((0.0, 0.5, 1.0, -0.5))}
@@ -193,7 +194,13 @@ def test_shares_are_those_put_in(shifted):
     for name in with_noise:
         expected = 1 - (1 - float(name)) ** 2
         got = found.sel(explanation=name)
-        assert abs(float(got.share) - expected) < 4 * float(got.share_stderr) + 0.01
+        agreement(
+            "explained share of a shift, 0, 50, 100, −50 % of the slope put in (4 standard errors + 1 %)",
+            "1 − (1 − c)²",
+            100 * (float(got.share) - expected),
+            400 * float(got.share_stderr) + 1,
+            "%",
+        )
     assert float(found.share_stderr.max()) < 0.1
     last = found.sel(explanation="global shift")
     assert float(last.share) == pytest.approx(1, abs=0.02)

@@ -219,14 +219,19 @@ def test_global_fit_with_fixed_parameters():
     assert fit.attrs["t_y"] == "fixed at 0 nm-1"
 
 
-def test_standard_errors_of_the_global_fit():
+def test_standard_errors_of_the_global_fit(agreement):
     """Pulls of h, w and t_y over 25 seeds: their root mean square is 1 within 4 of its standard errors, 14 % each."""
     truth = dataset()
     pulls = []
     for seed in range(25):
         fit = fit_global_shift(noisy(truth, 0.02, seed), p=1.0)
         pulls.append([float((fit[k] - v) / fit[f"{k}_stderr"]) for k, v in (("h", H), ("w", W), ("t_y", 0.0))])
-    np.testing.assert_allclose(np.sqrt(np.mean(np.square(pulls), axis=0)), 1.0, atol=0.57)
+    agreement(
+        "global shift on 2 % noise, 25 seeds: RMS pulls of h, w, t_y",
+        "stated errors: 1",
+        np.sqrt(np.mean(np.square(pulls), axis=0)),
+        (0.43, 1.57),
+    )
 
 
 def test_degenerate_global_fit_has_no_standard_error():
