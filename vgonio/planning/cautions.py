@@ -1,0 +1,58 @@
+"""What to be wary of in a scene's numbers, before they are there."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..assembly import Inputs
+from ..scene import Light, Scene
+from ..surface import Heightfield
+from ..validity import wave_warnings
+from .rough import wave_seconds
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def warnings_of(scene: Scene, inputs: Inputs) -> list[str]:
+    found: list[str] = []
+    scalar = [t for t in scene.wave.theory if t != "full-wave"] if scene.wave is not None else []
+    if inputs.surface is not None and scene.wave is not None and scalar:
+        found += wave_warnings(inputs.surface, scalar, scene.light, _largest_theta_o(scene), scene.wave.shadowing)
+        found += _long(scene, inputs.surface)
+    if inputs.measured is not None and scene.light is not None:
+        found += _measured_warnings(inputs.measured, scene.light)
+    return found
+
+
+def _long(scene: Scene, surface: Heightfield) -> list[str]:
+    """A line where the waves are long work, and whether they would be begun at all."""
+    from ..wave import cost
+
+    expected = wave_seconds(scene, surface)
+    if expected <= cost.WARN_SECONDS:
+        return []
+    refused = f"; more than {cost.MOST_SECONDS / 3600:.0f} h are refused" if expected > cost.MOST_SECONDS else ""
+    return [f"waves: {cost.remedy(expected)}{refused}"]
+
+
+def _largest_theta_o(scene: Scene) -> float:
+    asked = scene.detector
+    if asked is None:
+        return 0.0
+    return 90.0 if asked.theta_o_deg is None else float(np.max(np.abs(asked.theta_o_deg)))
+
+
+def _measured_warnings(data: xr.Dataset, light: Light) -> list[str]:
+    found = []
+    for name, asked, unit in (("theta_i", light.theta_i_deg, "°"), ("wavelength", light.wavelength_nm, " nm")):
+        have = np.asarray(data[name], float)
+        outside = [a for a in asked if not have.min() - 1e-6 <= a <= have.max() + 1e-6]
+        if outside:
+            found.append(
+                f"{name} of the measured file goes from {have.min():g} to {have.max():g}{unit}: "
+                f"{len(outside)} of {len(asked)} values of the scene are outside and cannot be compared"
+            )
+    return found

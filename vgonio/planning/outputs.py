@@ -1,0 +1,39 @@
+"""Where results go: checked before any work is done, so that none is done in vain."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from ..errors import InputError
+from ..scene import Scene
+
+
+def check_outputs(scene: Scene) -> None:
+    """Raise InputError for an output that could not be written, or that would overwrite an input."""
+    for name, endings in ((scene.output.file, (".nc", ".nc4", ".h5")), (scene.output.report, (".html", ".htm"))):
+        if name is not None:
+            check_output(scene.resolve(name), endings, scene.inputs)
+
+
+def check_output(path: Path, endings: tuple[str, ...], inputs: Iterable[Path] = ()) -> None:
+    """Raise InputError unless `path` has one of the endings and its folder is, or can be made, writable."""
+    if path.suffix.lower() not in endings:
+        raise InputError(f"output {path.name!r}: the name has to end in {' or '.join(endings)}")
+    if path.is_dir():
+        raise InputError(f"output {path} is a folder")
+    if any(path.resolve() == other.resolve() for other in inputs):
+        raise InputError(f"output {path} would overwrite an input of the scene")
+    folder = next(p for p in path.resolve().parents if p.exists())
+    if not folder.is_dir() or not os.access(folder, os.W_OK):
+        raise InputError(f"output {path} cannot be written: {folder} is not a writable folder")
+
+
+def with_folder(path: Path) -> Path:
+    """The same path, its folder made where it was missing; InputError where it cannot be."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as e:
+        raise InputError(f"cannot make the folder {path.parent}: {e.strerror or e}") from None
+    return path
