@@ -63,7 +63,7 @@ def test_irradiance_cut_by_the_horizon(rng):
 
 
 @pytest.mark.parametrize("angle", [30.0, 65.0, 90.0])
-def test_direct_irradiance_of_the_light(llvm, angle):
+def test_direct_irradiance_of_the_light(llvm, angle, agreement):
     """A Lambertian sample sees the 25 parts of the light as the closed form says: 3 standard errors of 16 passes."""
     light = np.random.default_rng(0).uniform(0.5, 1.5, (25, 4))
     scene = Scene(llvm, Box(), lambertian(0.3), lambertian(0.5), W, light)
@@ -72,18 +72,30 @@ def test_direct_irradiance_of_the_light(llvm, angle):
     found = np.array([radiance(llvm, scene.scene, direct, W, 64, seed).mean(axis=(0, 1)) for seed in range(100, 116)])
     # the four wavelengths of a path share its noise: their mean ratio is one number
     ratio = (found / (0.5 / np.pi * closed_forms.direct_irradiance(Box(), angle, light))).mean(axis=1)
-    assert abs(ratio.mean() - 1) < 3 * ratio.std(ddof=1) / 4
+    agreement(
+        "direct light of the Normbox at 30, 65, 90° (standard error up to 0.4 %)",
+        "Lambert's polygon formula, cut by the horizon",
+        (ratio.mean() - 1) / (ratio.std(ddof=1) / 4),
+        3,
+        "standard errors",
+    )
     assert ratio.std(ddof=1) / 4 < 0.004
 
 
-def test_energy_balance_of_the_white_closed_box(llvm):
+def test_energy_balance_of_the_white_closed_box(llvm, agreement):
     """Mean irradiance Φ/((1 − ρ)A) of an enclosure in which everything reflects ρ, within 3 standard errors (0.3 %)."""
     white = lambertian(0.7)
     box = Box(closed=True, holder_reflectance=0.7, light_points=(1, 1))
     scene = Scene(llvm, box, white, white, W, np.ones((1, 4)))
     mean, error = closed_forms.mean_irradiance(scene, 500.0, 400_000, seed=5)
     expected = closed_forms.balanced_irradiance(scene, 1.0, 0.7)
-    assert abs(mean - expected) < 3 * error
+    agreement(
+        "mean irradiance of the closed white box (standard error up to 0.5 %)",
+        "Φ/((1 − ρ) A)",
+        (mean - expected) / error,
+        3,
+        "standard errors",
+    )
     assert error < 0.005 * expected
 
 

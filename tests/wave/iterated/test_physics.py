@@ -60,20 +60,32 @@ def binned(power):
     return power.reshape(len(power), -1, 8).mean(axis=-1)
 
 
-def test_iterated_agrees_where_single_does_not(ensemble):
+def test_iterated_agrees_where_single_does_not(ensemble, agreement):
     """Σ|Δ|/Σ of mean lobes in 4° bins: shadowed single ≥ 0.25, iterated ≤ 0.12 with twelve profiles (0.08 with thirty:
     `benchmarks/multiple_scattering.py`), power within 9 % (TE at 0° is 6 … 9 % too bright, TM 3 … 5 % too dark)."""
     exact, single, iterated = (binned(a) for a in ensemble)
     for i in range(len(THETA_I)):
         error = [np.abs(a[i] - exact[i]).sum() / exact[i].sum() for a in (single, iterated)]
         assert error[0] > 0.25
-        assert error[1] < 0.12
-        assert iterated[i].sum() == pytest.approx(exact[i].sum(), rel=0.09)
+        agreement(
+            "iterated Kirchhoff, mean lobes of steep perfect profiles, slope 0.7, 0 and 20°, Σ|Δ|/Σ (single: > 25 %)",
+            "full wave, twelve profiles",
+            100 * error[1],
+            12,
+            "%",
+        )
+        agreement(
+            "the same, reflected power",
+            "full wave, twelve profiles",
+            100 * (iterated[i].sum() / exact[i].sum() - 1),
+            9,
+            "%",
+        )
         assert single[i].sum() < 0.8 * exact[i].sum()
 
 
 @pytest.mark.parametrize("polarisation", ["TE", "TM"])
-def test_steep_aluminium(polarisation):
+def test_steep_aluminium(polarisation, agreement):
     """Five profiles, σ = λ, T = 2 λ, Al at 550 nm: the power that comes back is the rigorous one to 10 % (of one
     reflection: 20 … 30 % missing), the mean lobe nearer to it by a third or more."""
     index = complex(material("Al").index(550.0))
@@ -87,12 +99,18 @@ def test_steep_aluminium(polarisation):
         iterated.append(np.abs(amplitudes.sum(axis=0)) ** 2)
     exact, single, iterated = (binned(np.mean(a, axis=0)) for a in (exact, single, iterated))
     for i in range(len(THETA_I)):
-        assert iterated[i].sum() == pytest.approx(exact[i].sum(), rel=0.1)
+        agreement(
+            "iterated Kirchhoff, steep aluminium, reflected power (single: 13 … 28 % missing)",
+            "full wave",
+            100 * (iterated[i].sum() / exact[i].sum() - 1),
+            10,
+            "%",
+        )
         assert single[i].sum() < 0.87 * exact[i].sum()
         assert np.abs(iterated[i] - exact[i]).sum() < 0.67 * np.abs(single[i] - exact[i]).sum()
 
 
-def test_enhanced_back_scattering():
+def test_enhanced_back_scattering(agreement):
     """O'Donnell and Mendez 1987: a peak towards the source at 0°, in the multiple part alone, at most twice as high.
 
     Steep profiles, σ = 1.5 λ, T = 2.5 λ, 60 of them, within 1.5° against 9 … 18° on either side. Speckle of 60 profiles
@@ -106,15 +124,19 @@ def test_enhanced_back_scattering():
         whole += np.abs(amplitudes.sum(axis=0)) ** 2
     near, beside = np.abs(FINE) < 1.5, (np.abs(FINE) > 9) & (np.abs(FINE) < 18)
     ratio = [a[near].mean() / a[beside].mean() for a in (first, second, whole)]
-    assert ratio[1] > 1.5  # the multiple part
-    assert ratio[1] < 2.6
-    assert ratio[0] < 1.25
+    agreement(
+        "back-scattering peak over its surroundings, multiple part",
+        "twice, and its own fall",
+        ratio[1],
+        (1.5, 2.6),
+    )
+    agreement("back-scattering peak over its surroundings, single part", "absent", ratio[0], (0, 1.25))
     s, m = first[beside].mean(), second[beside].mean()
     assert ratio[2] == pytest.approx((ratio[0] * s + ratio[1] * m) / (s + m), abs=0.15)
 
 
 # ---- rays
-def test_short_wavelengths_become_the_rays_decomposition():
+def test_short_wavelengths_become_the_rays_decomposition(agreement):
     """λ = 0.2 µm on 90° grooves 16 µm wide: shares of one and of two reflections are the rays', 1 − |tan θ_i| twice.
 
     Windows over four grooves, edges of shadows λ/w: 3 % of the power.
@@ -131,7 +153,8 @@ def test_short_wavelengths_become_the_rays_decomposition():
     share = rays.energy_by_bounce.isel(wavelength=0).transpose("theta_i", "bounce").values
     got = waves.energy_by_bounce.isel(wavelength=0).transpose("theta_i", "bounce").values
     assert share[:, 1] == pytest.approx(1 - np.tan(np.deg2rad([0, 15, 30])), abs=0.02)
-    assert np.allclose(got[:, :2], share[:, :2], atol=0.04)
+    error = np.abs(got[:, :2] - share[:, :2]).max()
+    agreement("iterated Kirchhoff, shares of one and two reflections, λ → 0", "rays, V-groove", error, 0.04)
 
 
 def test_second_hits_are_those_of_the_rays():
