@@ -63,13 +63,14 @@ def ours() -> dict[str, dict[int, float]]:
     return {p: dict(zip(d.order.tolist(), d.efficiency)) for p, d in zip(("TE", "TM"), found)}
 
 
-def test_te(ours):
+def test_te(ours, agreement):
     """Fourier modes converge as N⁻³: 7e-5 at 40, 3e-6 at 120."""
     modes = rcwa("TE", 120)
-    assert max(abs(modes[m] - e) for m, e in ours["TE"].items()) < 5e-6
+    error = max(abs(modes[m] - e) for m, e in ours["TE"].items())
+    agreement("full wave: an aluminium lamellar grating, TE, 120 modes", "RCWA written here", error, 5e-6)
 
 
-def test_tm(ours):
+def test_tm(ours, agreement):
     """The difference falls with the truncation as 1/N or faster, and is nought in the limit to a tenth of the last."""
 
     def errors(order: int) -> np.ndarray:
@@ -79,14 +80,15 @@ def test_tm(ours):
     e = {n: errors(n) for n in (40, 80, 160)}
     size = {n: np.abs(v).max() for n, v in e.items()}
     assert size[160] < 0.6 * size[80] < 2e-3
-    assert size[160] < 1e-3
+    agreement("full wave: an aluminium lamellar grating, TM, 160 modes", "RCWA written here", size[160], 1e-3)
 
 
-def test_glass_by_both():
+def test_glass_by_both(agreement):
     """No absorption, both polarisations: modes converge quickly in glass."""
     surface = vg.surface.lamellar(PERIOD, DEPTH, 0.5, shape=(1, 20), pitch_um=0.1)
     curve = profile.one_period(surface, WAVELENGTH, profile.Resolution(0.2, 1e-9, 10, 1))
     grating = periodic.Grating.of(curve, PERIOD, WAVELENGTH, 1.5 + 0j, ("TE", "TM"))
     for p, d in zip(("TE", "TM"), grating.diffract(THETA, ("TE", "TM"))):
         modes = rcwa(p, 60, 1.5 + 0j)
-        assert max(abs(modes[m] - e) for m, e in zip(d.order.tolist(), d.efficiency)) < 1e-5
+        error = max(abs(modes[m] - e) for m, e in zip(d.order.tolist(), d.efficiency))
+        agreement("full wave: a lamellar grating of glass, TE and TM", "RCWA written here", error, 1e-5)
