@@ -67,9 +67,23 @@ def test_a_sweep_equals_its_points_simulated_one_by_one(study_file):
     np.testing.assert_allclose(tree["surfaces"]["Sq"].sel(rms_um=0.8), 0.8, rtol=1e-6)
     assert (tree["state"] == 0).all()
     assert (tree["seconds"] > 0).all()
+    assert len(tree.vgonio.plot_sweep().axes) == 3
     # stored whole, as any other result
     again = vg.open(vg.save(tree, path.parent / "sweep.nc"))
     xr.testing.assert_equal(again["rays"].to_dataset(), rays)
+
+
+def test_a_script_without_a_guard_may_sweep(study_file, tmp_path):
+    """Workers do not run the caller's script again, as multiprocessing would have them do."""
+    path = study_file('[vary]\n"surface.generate.seed" = [1]')
+    script = tmp_path / "script.py"
+    script.write_text(
+        f"import vgonio as vg\nprint(__name__)\ntree = vg.sweep({str(path)!r}, workers=1)\n"
+        "print(int(tree['state'].sum()), __file__.endswith('script.py'))\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["__main__", "0", "True"]
 
 
 def test_finished_points_are_never_computed_again_and_new_ones_are_added(study_file):

@@ -25,6 +25,7 @@ from .plots import (
     plot_slopes,
     plot_spectra,
     plot_surface,
+    plot_sweep,
     plot_wave_energy,
     plot_ways,
 )
@@ -54,6 +55,7 @@ __all__ = [
     "plot_slopes",
     "plot_spectra",
     "plot_surface",
+    "plot_sweep",
     "plot_wave_energy",
     "plot_ways",
     "render",

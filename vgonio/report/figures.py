@@ -4,6 +4,7 @@
 >>> vg.report.figures.decomposition(tree["rays"].to_dataset())
 """
 
+from .agreement_figures import agreement
 from .brdf_figures import decomposition, energy, lobes, wave_energy
 from .fit_figures import beside_measured, explained, models_beside, shift_parts
 from .hemisphere_figures import polar_decomposition, polar_maps
@@ -12,6 +13,7 @@ from .spectral_figures import delta_e_maps, rgb_maps, shift_slopes, spectra
 from .surface_figures import height_histogram, psd, slope_histogram, surface_map
 
 __all__ = [
+    "agreement",
     "beside_measured",
     "decomposition",
     "delta_e_maps",

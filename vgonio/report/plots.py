@@ -237,6 +237,24 @@ def plot_psd(result: Surface) -> Figure:
     return psd(surface_of(result, "plot_psd", "psd"))
 
 
+# ---- studies
+def plot_sweep(result: xr.DataTree, wavelength_nm: float | None = None) -> Figure:
+    """A sweep at a glance, over the first key that was varied: reflected power, lobes, seconds a point.
+
+    result : of `vg.sweep`; shown at its middle θᵢ and near `wavelength_nm` (550 nm by default). Values of the second
+    key have lines of different dashes; further keys are shown at their first value.
+    Raises InputError for what is no sweep and where no point is done.
+    """
+    from .sweep_figures import overview
+
+    if "state" not in getattr(result, "data_vars", {}):
+        raise InputError("plot_sweep needs the result of a sweep (vg.sweep, vgonio sweep): use plot_lobes")
+    drawn = overview(result, wavelength_nm)
+    if drawn is None:
+        raise InputError("no point of this sweep is done: its 'reason' says why")
+    return drawn
+
+
 # ---- pages
 def page(result: Result, path: str | os.PathLike[str]) -> Path:
     """Write the report of a result as one HTML page that needs nothing else; returns the path. See `vg.report.page`."""
@@ -268,4 +286,5 @@ PLOTS = (
     plot_heights,
     plot_slopes,
     plot_psd,
+    plot_sweep,
 )

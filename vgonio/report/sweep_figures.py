@@ -109,9 +109,10 @@ def lobe_of_each(ax: Axes, data: xr.Dataset, keys: list[str], title: str) -> Non
         top = max(top, float(brdf.max()))
     if top > 0:
         logarithmic(ax, "y", top * 10**-4.5, top * 2)
-    ax.legend(
-        title=keys[0], fontsize=7, title_fontsize=7.5, loc="lower center", ncols=2, frameon=True, edgecolor="none"
-    )
+    if ax.lines:
+        ax.legend(
+            title=keys[0], fontsize=7, title_fontsize=7.5, loc="lower center", ncols=2, frameon=True, edgecolor="none"
+        )
     ax.set_xlabel("angle of reflection θₒ (°)")
     ax.set_ylabel("BRDF (sr⁻¹)")
     ax.set_title(f"{title[:1].upper()}{title[1:]}, {where(data)}")

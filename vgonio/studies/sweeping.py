@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -110,17 +111,35 @@ def _client(scheduler: str | None, workers: int | None, points: int) -> Iterator
             return
         count = min(points, whole("workers", workers if workers is not None else os.cpu_count() or 1, 1))
         with (
+            _without_the_callers_script(),
             distributed.LocalCluster(
                 n_workers=count,
                 threads_per_worker=1,
                 processes=True,
-                dashboard_address=None,
+                dashboard_address=":0",  # any free port, where None would take 8787 and warn of a second cluster
+                scheduler_kwargs={"dashboard": False},
                 silence_logs=50,
                 preload=["vgonio.studies.worker"],
             ) as cluster,
             distributed.Client(cluster) as client,
         ):
             yield client
+
+
+@contextmanager
+def _without_the_callers_script() -> Iterator[None]:
+    """Workers need nothing of the program that sweeps; multiprocessing would run it again in each of them.
+
+    A script without `if __name__ == "__main__":` would then start clusters in its own workers.
+    """
+    main = sys.modules["__main__"]
+    kept = {name: vars(main)[name] for name in ("__file__", "__spec__") if name in vars(main)}
+    vars(main).pop("__file__", None)
+    main.__spec__ = None
+    try:
+        yield
+    finally:
+        vars(main).update(kept)
 
 
 def _compute_all(client: Any, store: Store, first: Point, todo: Iterator[Point], ended: Callable[[], None]) -> None:
