@@ -6,12 +6,13 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && echo $$p && break; done)
 WORKERS ?= auto
 
-.PHONY: help demo test check docs notebooks format clean
+.PHONY: help demo test validated check docs notebooks format clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make demo    simulate examples/demo/scene.toml and write out/demo.html"
 	@echo "make test    run the tests"
+	@echo "make validated    write what the tests found into docs/validated_table.md and README.md"
 	@echo "make check   lint, formatting, types, import rule"
 	@echo "make docs    write the pages of docs/ as out/docs/index.html; a warning is an error"
 	@echo "make notebooks    make notebooks/ again from the scripts of examples/, executed"
@@ -39,6 +40,10 @@ demo: $(VENV)/base.stamp
 # one thread in each worker: the workers together fill the processors
 test: $(VENV)/dev.stamp
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
+
+# from out/validated.json, which every run of the tests writes
+validated: $(VENV)/dev.stamp
+	$(BIN)/python docs/validated.py
 
 check: $(VENV)/dev.stamp
 	$(BIN)/ruff check .

@@ -22,9 +22,12 @@ extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "sphinxcon
 html_theme = "furo"
 html_title = f"vgonio {__version__}"
 html_show_sphinx = False
+html_static_path = ["_static"]
+html_css_files = ["tables.css"]
 smartquotes = False  # names in quotes are typed as they stand
 
 myst_heading_anchors = 3
+exclude_patterns = ["validated_table.md"]  # a part of validated.md
 nb_execution_mode = "off"  # `make notebooks` has stored the outputs, and the tests run them
 bibtex_bibfiles = ["../BIBLIOGRAPHY.bib"]
 bibtex_default_style = "plain"

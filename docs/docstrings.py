@@ -11,30 +11,43 @@ from pathlib import Path
 FIELD = re.compile(r"^( *)((?:`?\w+`?)(?:, `?\w+`?)*(?: \([^()]*\))?) : (.*)$")
 NEXT_FIELD = re.compile(r";  (?=\w+ : )")
 CHOICE = re.compile(r'^( +)("[\w -]+") +(.*)$')
-CITED = re.compile(
-    r"\b([A-ZÀ-Þ][\w’-]+)((?: et al\.?| and [A-ZÀ-Þ][\w’-]+|, [A-ZÀ-Þ][\w’-]+ and [A-ZÀ-Þ][\w’-]+)? )(\d{4})\b"
-)
+NAME = r"[A-ZÀ-Þ](?:[\w’-]|'(?!s\b))+"
+CITED = re.compile(rf"\b({NAME})(?:'s)?((?: et al\.?| and {NAME}|, {NAME} and {NAME})?\s)(\()?(\d{{4}})\b(?(3)\))")
 
 
 def sources(bibliography: Path) -> dict[tuple[str, str], str]:
-    """(surname, year) → key, for every author of every entry of a BibTeX file with one entry a line."""
+    """(surname, year) → key, for every author of every entry of a BibTeX file with one entry a line; and (its name, "")
+    → key of what has a `shorttitle` to be called by, such as a standard."""
     found: dict[tuple[str, str], str] = {}
     for key, entry in re.findall(r"^@\w+\{(\w+),(.*)$", bibliography.read_text(encoding="utf-8"), re.M):
         names = re.search(r"author=\{((?:[^{}]|\{[^{}]*\})*)\}", entry)
         year = re.search(r"year=\{(\d{4})\}", entry)
         for name in names[1].split(" and ") if names and year else []:
-            found.setdefault((name.partition(",")[0].strip("{} "), year[1]), key)
+            surname = name.partition(",")[0].strip("{} ")
+            found.setdefault((surname, year[1]), key)
+            found.setdefault((surname.split()[-1], year[1]), key)  # "af Klinteberg"
+        if called := re.search(r"shorttitle=\{([^{}]*)\}", entry):
+            found[called[1], ""] = key
     return found
 
 
+def keys_in(text: str, known: dict[tuple[str, str], str]) -> set[str]:
+    """Keys of the bibliography that a text cites: "Author and Author year", "Author (year)", or by a short title."""
+    text = re.sub(r"\s+", " ", text)
+    named = {key for (name, year), key in known.items() if not year and name in text}
+    return named | {known[m[1], m[4]] for m in CITED.finditer(text) if (m[1], m[4]) in known}
+
+
 def cited(line: str, known: dict[tuple[str, str], str]) -> str:
-    """The line with every "Author and Author year" that the bibliography has as a link to its entry."""
+    """The line with every citation that the bibliography has (see `keys_in`) as a link to its entry."""
 
     def link(match: re.Match[str]) -> str:
-        key = known.get((match[1], match[3]))
+        key = known.get((match[1], match[4]))
         return f":cite:t:`{key}`" if key else match[0]
 
-    return CITED.sub(link, line)
+    titles = "|".join(re.escape(name) for name, year in known if not year)
+    named = rf"(?<![`\w])({titles})(?:[:-]\w+)*(?!\w)"  # with the part and the year of a standard
+    return re.sub(named, lambda m: f"{m[0]} :cite:`{known[m[1], '']}`", CITED.sub(link, line))
 
 
 def as_lists(lines: list[str]) -> list[str]:

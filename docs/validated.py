@@ -13,7 +13,6 @@ from __future__ import annotations
 import ast
 import csv
 import json
-import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -46,7 +45,24 @@ PARTS = {
     "tests/test_benchmarks.py": "Long runs, by benchmarks",
     "tests": "Whole runs",
 }
-TELLING: tuple[str, ...] = ()
+# the rows of the README: each another kind of proof
+TELLING = (
+    "|S|² of a sinusoid, orders −6 … 6, q_z a up to 6",
+    "total integrated scatter, T = 5λ, 0 … 60°, three theories (4 standard errors + 1 %)",
+    "Kirchhoff and GHS on aluminium sinusoids, depth 0.1 µm, period 2 and 5 µm, 3 … 58°, Σ|Δ|/Σ",
+    "full wave: cylinders, perfect, glass, metal",
+    "full wave: aluminium sinusoids, TE and TM, each order (the digits of the reference: 5e-7)",
+    "iterated Kirchhoff, mean lobes, slope 0.7 … 1.0, 0 and 20°, Σ|Δ|/Σ (benchmarks/multiple_scattering.py)",
+    "energy of rays, loss-free, 0 … 89°, slopes 0 … 1.5, walls up to four times as deep as wide",
+    "masked single reflections (4 standard errors + 0.3 %)",
+    "λ → 0 with shadows, 70°, towards grazing (without shadows a third too much; 3 standard errors + 10 %)",
+    "RGL `.bsdf`, random tables and written BRDFs",
+    "counts with noise, calibrated, 200 seeds: χ² of each value",
+    "fitted parameters of 18 synthetic cases, 50 seeds, up to 8 decades: χ²/dof (benchmarks/fits.py)",
+    "Mitsuba plug-ins in plane, scalar and llvm",
+    "mean irradiance of the closed white box (standard error up to 0.5 %)",
+    "ICC v4 profile, 3,000 colours: mean ΔE₀₀",
+)
 
 
 class Registered(NamedTuple):
@@ -61,11 +77,17 @@ def registered(folder: Path = ROOT / "tests") -> Iterator[Registered]:
     """Every call `agreement("quantity", "against", …)` in the tests; both have to be plain strings, to be found."""
     for path in sorted(folder.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "agreement":
-                texts = [a.value for a in node.args[:2] if isinstance(a, ast.Constant) and isinstance(a.value, str)]
-                if len(texts) != 2:
-                    raise ValueError(f"{path}:{node.lineno}: agreement() takes two plain strings first")
-                yield Registered(texts[0], texts[1], path.relative_to(ROOT).as_posix())
+            if isinstance(node, ast.FunctionDef) and "agreement" in (a.arg for a in node.args.args):
+                for call in (n for n in ast.walk(node) if isinstance(n, ast.Call)):
+                    if getattr(call.func, "id", "") == "agreement":
+                        yield Registered(*_texts(call, path), path.relative_to(ROOT).as_posix())
+
+
+def _texts(call: ast.Call, path: Path) -> list[str]:
+    texts = [a.value for a in call.args[:2] if isinstance(a, ast.Constant) and isinstance(a.value, str)]
+    if len(texts) != 2:
+        raise ValueError(f"{path}:{call.lineno}: agreement() takes two plain strings first")
+    return texts
 
 
 def part(test: str) -> str:
@@ -119,23 +141,26 @@ def rows(found: list[dict[str, Any]]) -> list[dict[str, str]]:
 
 
 def number(text: str) -> str:
-    """3.2e-07 as 3.2e-7."""
-    return re.sub(r"e([+-])0*(\d+)", lambda m: f"e{m[1].replace('+', '')}{m[2]}", text)
+    """Three digits, below a hundredth as 3.2e-7."""
+    value = float(text)
+    if not 0 < abs(value) < 0.01:
+        return f"{value:.3g}"
+    mantissa, exponent = f"{value:.2e}".split("e")
+    return f"{float(mantissa):g}e{int(exponent)}"
 
 
 def cells(row: dict[str, str]) -> list[str]:
     """Quantity, against, achieved and allowed as they are printed."""
-    unit = "" if not row["unit"] else f" {row['unit']}"
-    achieved, allowed = number(row["achieved"]), number(row["allowed"])
+    unit = row["unit"] and f" {row['unit']}"
+    achieved, allowed = number(row["achieved"]) + unit, number(row["allowed"]) + unit
     if row["achieved_from"]:
         low, edge = number(row["achieved_from"]), number(row["allowed_from"])
-        achieved = achieved if low == achieved else f"{low} … {achieved}"
-        allowed = f"{edge} … {allowed}" if edge != "-inf" else allowed
-        allowed = allowed if row["allowed"] != "inf" else f"{edge} or more"
+        achieved = achieved if low + unit == achieved else f"{low} … {achieved}"
+        allowed = f"{edge}{unit} or more" if row["allowed"] == "inf" else f"{edge} … {allowed}"
     elif row["allowed_from"]:
-        allowed += f" ({number(row['allowed_from'])})"
-    text = [row["quantity"], row["against"], achieved + unit, allowed + unit]
-    return [t.replace("|", "\\|") for t in text]
+        low, high = (number(n) for n in row["allowed_from"].split(" … "))
+        allowed += f" ({low} … {high})" if low != high else ""
+    return [t.replace("|", "\\|") for t in (row["quantity"], row["against"], achieved, allowed)]
 
 
 def shortened(tests: str) -> str:
@@ -193,8 +218,7 @@ def main() -> None:
         writer.writeheader()
         writer.writerows(table)
     TABLE.write_text(page(table), encoding="utf-8")
-    if TELLING:
-        README.write_text(spliced(README.read_text(encoding="utf-8"), short(table)), encoding="utf-8")
+    README.write_text(spliced(README.read_text(encoding="utf-8"), short(table)), encoding="utf-8")
     print(f"{len(table)} rows from {len(found)} figures: docs/validated.csv, docs/validated_table.md, README.md")
 
 

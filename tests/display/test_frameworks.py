@@ -75,7 +75,7 @@ def test_the_wide_gamut_primaries_lie_near_adobe_rgb():
 
 @pytest.mark.parametrize("panel", ["led-lcd", "ccfl-lcd", "crt"])
 def test_measured_primaries(shared, panel):
-    """LED, CCFL and CRT: near sRGB, calibrated with and without quantisation; black of 0.21 cd/m²."""
+    """LED, CCFL and CRT (Mantiuk 2011): near sRGB, calibrated with and without quantisation; black of 0.21 cd/m²."""
     path = shared / "data" / "displays" / f"emission_spectra_{panel}.csv"
     exact = examined(name=path, white_cd_m2=80, black_cd_m2=0.21, tone="s-curve")
     assert vd.coverage(exact.model, "sRGB") > 0.7

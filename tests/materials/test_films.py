@@ -19,7 +19,7 @@ def constant(index: complex) -> Material:
 
 
 def airy(cos_i, wavelength_nm, film_index, thickness_nm, below):
-    """One film in closed form: r = (r12 + r23 e^{2iδ}) / (1 + r12 r23 e^{2iδ}), Born and Wolf 1.6.4."""
+    """One film in closed form: r = (r12 + r23 e^{2iδ}) / (1 + r12 r23 e^{2iδ}), Born and Wolf 1999, 1.6.4."""
     sin2 = 1 - cos_i**2
     kz = [np.emath.sqrt(n**2 - sin2) for n in (1.0 + 0j, film_index + 0j, below + 0j)]
     phase = np.exp(4j * np.pi * kz[1] * thickness_nm / wavelength_nm)

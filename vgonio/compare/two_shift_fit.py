@@ -96,7 +96,7 @@ def fit_two_shifts(
 
 
 def aic(s: Spectra, used: NDArray[np.bool_], model: Floats, parameters: int) -> float:
-    """Akaike's criterion with whole spectra as observations: n ln(mean squared residual of a spectrum) + 2 P."""
+    """Akaike's criterion (Akaike 1974) with whole spectra as observations: n ln(mean squared residual of a spectrum) + 2 P."""
     square = np.sum(s.weight[used] * (s.values[used] - model[used]) ** 2)
     n = int(used.sum())
     return float(n * np.log(max(square, 1e-300) / n) + 2 * parameters)

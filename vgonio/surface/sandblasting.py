@@ -2,7 +2,7 @@
 
 Each bead indents the surface that it finds. With a constant indentation pressure p the kinetic energy of the bead is
 p times the volume of the cavity, so that depth = v·R·√(2ρ/3p): the depth grows with the bead radius R and its speed v,
-and a/R, which sets the slopes, depends on the speed alone (Johnson, *Contact Mechanics*, 1985, section 11.4). Displaced
+and a/R, which sets the slopes, depends on the speed alone (Johnson 1985, *Contact Mechanics*, section 11.4). Displaced
 metal is not piled up around the cavity: the model is meant for coverages up to about ten.
 """
 

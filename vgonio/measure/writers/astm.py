@@ -1,4 +1,4 @@
-"""ASTM E1392 and E2387 text as `measure.readers.astm` reads it: radians, one column for each wavelength."""
+"""ASTM E1392 and E2387 text as `measure.readers.astm` reads it: radians (as Foo 1997), a column for each wavelength."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Zemax tabular BSDF of any result, one wavelength a file; layout in `measure.readers.zemax`."""
+"""Zemax tabular BSDF of any result, one wavelength a file; layout (Rykowski 2008) in `measure.readers.zemax`."""
 
 from __future__ import annotations
 
