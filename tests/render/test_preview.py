@@ -14,7 +14,7 @@ from vgonio.cli import main
 from vgonio.cli.render import gather
 from vgonio.compare import fit_model, save_fit
 from vgonio.errors import FileFormatError, InputError
-from vgonio.render import Preview, delta_e, of_dataset, of_model, of_table, preview, rgb, use
+from vgonio.render import Preview, delta_e, of_dataset, of_fit, of_model, of_table, preview, rgb, use
 from vgonio.render.images import write_exr, write_png
 
 W = np.arange(400.0, 721.0, 80.0)
@@ -69,6 +69,14 @@ def test_shift_reddens_the_mirror_direction(small):
     spectrum = ratio.isel(y=y, x=x).values
     assert np.all(np.diff(spectrum) > 0)
     np.testing.assert_allclose(np.interp(600, W, spectrum), 1, atol=0.01)
+
+
+def test_a_fitted_metal_is_its_model(small):
+    """Fits of conductors say k_d = 0, which is no spectrum that Mitsuba takes."""
+    data = models.evaluate("clausen-2022", [0, 30, 60], range(-80, 81, 20), W, **SHIFTED)
+    fit = of_fit(fit_model(data, "clausen-2022", errors="none"), "shifted")
+    picture = preview([fit], Preview(size=48, wavelength_nm=W, samples=2, passes=4))
+    np.testing.assert_allclose(picture["radiance"][0], small["radiance"].sel(material="shifted"), rtol=1e-3)
 
 
 def test_error_is_that_of_further_passes(small):

@@ -74,6 +74,8 @@ def of_model(
     for key, value in parameters.items():
         if value is None or key in ("distribution", "clamp", "wavelength_n_nm"):
             continue
+        if key == "k_d" and not np.any(value):
+            continue  # as the fits of conductors say it; Mitsuba takes no spectrum of zeros
         if key in SPECTRA:
             texture, ends = _coefficient(key, value, wavelength_nm)
             made[key] = texture

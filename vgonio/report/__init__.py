@@ -37,7 +37,10 @@ _LATER = {
     "page": "document",
     "render": "document",
 }
+# figures of results and fits, of displays, of renderings
+_FIGURES = ("figures", "display_figures", "render_figures")
 __all__ = [
+    "display_figures",
     "display_page",
     "explorer_page",
     "figures",
@@ -59,12 +62,13 @@ __all__ = [
     "plot_wave_energy",
     "plot_ways",
     "render",
+    "render_figures",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    if name == "figures":
-        return importlib.import_module("vgonio.report.figures")
+    if name in _FIGURES:
+        return importlib.import_module(f"vgonio.report.{name}")
     if name in _LATER:
         return getattr(importlib.import_module(f"vgonio.report.{_LATER[name]}"), name)
     raise AttributeError(f"module 'vgonio.report' has no attribute {name!r}")
