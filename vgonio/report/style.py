@@ -197,6 +197,7 @@ def svg(figure: Figure, description: str, prefix: str) -> str:
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
     text = re.sub(r"<!--.*?-->", "", text, flags=re.S)
+    text = re.sub(r'\sid="image[0-9a-f]+"', "", text)  # equal images have equal ids, and nothing refers to them
     width = float(figure.get_size_inches()[0]) * SVG_PER_INCH
     head = re.match(r"<svg[^>]*>", text)
     box = re.search(r'viewBox="[^"]*"', head.group(0)) if head else None
