@@ -16,8 +16,9 @@ from .errors import InputError, nearest
 from .units import degrees, radians
 
 Floats = NDArray[np.float64]
-# below, the solid angle 2π(1 − cos a) is lost in rounding
+#: Least full angle of a detector cone: below, the solid angle 2π(1 − cos a) is lost in rounding.
 MIN_APERTURE_DEG = 1e-4
+#: What `polarisation` of the light may be; s and p as CONVENTIONS.md has them.
 POLARISATIONS = ("unpolarised", "s", "p")
 
 
@@ -176,7 +177,10 @@ class Detector:
 
     @staticmethod
     def in_plane(theta_o_deg: ArrayLike, aperture_deg: float, phi_deg: float = 0.0) -> Detector:
-        """Cones of full angle `aperture_deg` at the signed angles θ_o of the plane with azimuth φ."""
+        """Cones of full angle `aperture_deg` at the signed angles θ_o of the plane with azimuth φ.
+
+        Raises InputError for an aperture outside MIN_APERTURE_DEG … 90° and for angles that are none.
+        """
         theta = angle_list(theta_o_deg, "theta_o_deg")
         aperture_deg = scalar(aperture_deg, "aperture_deg")
         if not MIN_APERTURE_DEG <= aperture_deg <= 90:
@@ -187,7 +191,10 @@ class Detector:
 
     @staticmethod
     def hemisphere(resolution_deg: float = 5.0) -> Detector:
-        """Cells of nearly equal solid angle: a cap around the pole, then rings of height `resolution_deg`."""
+        """Cells of nearly equal solid angle: a cap around the pole, then rings of height `resolution_deg`.
+
+        Raises InputError outside 0.25 … 45°.
+        """
         resolution_deg = scalar(resolution_deg, "resolution_deg")
         if not 0.25 <= resolution_deg <= 45:
             raise InputError(f"resolution_deg = {resolution_deg}°: allowed is 0.25° … 45°")

@@ -186,6 +186,7 @@ def _tolerances(least: int, most: int) -> tuple[float, ...]:
 
 
 J = "J_m(q_z a)², closed form"
+#: Name → `Case`: every solver on a case whose answer is known, as `vgonio accuracy --list` prints them.
 CASES: dict[str, Case] = {
     c.name: c
     for c in (

@@ -31,6 +31,7 @@ def fit_models(
     """Every model fitted to every sample: {sample: {model: fit}}.
 
     options : of `fit_model`;  only_where_known : parameters for those models that have them, None is not given
+    Raises InputError without a sample or a model, and as `fit_model`.
     """
     if not samples or not models:
         raise InputError("nothing to fit: at least one sample and one model are needed")

@@ -38,7 +38,10 @@ def reflectance(data: xr.Dataset) -> xr.DataArray:
 
 
 def total_integrated_scatter(data: xr.Dataset, specular_deg: float = SPECULAR_DEG) -> xr.DataArray:
-    """Share of the reflected light further than specular_deg from the mirror direction, dims (theta_i, wavelength)."""
+    """Share of the reflected light further than specular_deg from the mirror direction, dims (theta_i, wavelength).
+
+    Raises InputError unless 0 < specular_deg < 90, and where the directions do not tell (as `reflectance`).
+    """
     if not 0 < specular_deg < 90:
         raise InputError(f"specular_deg = {specular_deg}: the half-angle of the specular cone lies within 0 to 90°")
     everything = _integral(data, None)

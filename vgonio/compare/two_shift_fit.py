@@ -65,6 +65,7 @@ def fit_two_shifts(
     share : of single reflections, see `single_share`;  material, p, wavelength_n, wavelength_range : as there
     Returns scalars h1, h2 (nm⁻¹), w1, w2, p with standard errors (sandwich over spectra), r2, the maps slope_global
     (nm⁻¹) and share, and attrs["aic"], which `fit_global_shift` has as well: lower is better, 2 per parameter.
+    Raises InputError for too few usable spectra, and as `fit_global_shift`.
     """
     s = normalised_spectra(data, material, wavelength_n, wavelength_range)
     free_p = p_is_free(s, p, P_BOUNDS)
@@ -96,7 +97,7 @@ def fit_two_shifts(
 
 
 def aic(s: Spectra, used: NDArray[np.bool_], model: Floats, parameters: int) -> float:
-    """Akaike's criterion (Akaike 1974) with whole spectra as observations: n ln(mean squared residual of a spectrum) + 2 P."""
+    """Akaike 1974, with whole spectra as observations: n ln(mean squared residual of a spectrum) + 2 P."""
     square = np.sum(s.weight[used] * (s.values[used] - model[used]) ** 2)
     n = int(used.sum())
     return float(n * np.log(max(square, 1e-300) / n) + 2 * parameters)

@@ -63,7 +63,8 @@ def examine_virtual(
 ) -> tuple[Examined, Readings]:
     """Characterise and verify a virtual display as one would a real one, reading after reading; also all readings.
 
-    bits : of the signals sent, those of framework 2 too; None does not round them.
+    bits : of the signals sent, those of framework 2 too; None does not round them. Raises InputError for more bits than
+    the display takes.
     """
     if bits is not None and display.bits is not None and display.bits < bits:
         raise InputError(f"signals of {bits} bits to a display of {display.bits}: take bits = {display.bits}")

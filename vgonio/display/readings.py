@@ -50,7 +50,7 @@ class Readings:
         return spectra_to_xyz(self.spectra, self.wavelength_nm)
 
     def where(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> Readings:
-        """Some of the readings."""
+        """The readings that `chosen` names, a mask (m,) or indices."""
         return Readings(self.rgb[chosen], self.spectra[chosen], self.wavelength_nm, self.eye)
 
     def averaged(self) -> Readings:
@@ -89,7 +89,7 @@ def check_signals(rgb: Floats) -> None:
 
 
 def quantise(rgb: ArrayLike, bits: int | None) -> Floats:
-    """Signals in 0 … 1 rounded to the 2^bits codes that a display takes; as they are for None."""
+    """Signals (…, 3) in 0 … 1 rounded to the 2^bits codes that a display takes; as they are for None."""
     v = np.asarray(rgb, dtype=np.float64)
     if bits is None:
         return v
@@ -119,7 +119,10 @@ def ramp_colours(levels: int = 18, bits: int | None = 8) -> Floats:
 
 
 def grid_colours(step: int = 85) -> Floats:
-    """(n, 3) signals on an RGB grid of step `step` of 255; step 85 gives the 64 colours of thesis section 5.3."""
+    """(n, 3) signals on an RGB grid of step `step` of 255; step 85 gives the 64 colours of thesis section 5.3.
+
+    Raises InputError where `step` does not divide 255.
+    """
     from ..errors import whole
 
     if 255 % whole("step", step, 1, 255):

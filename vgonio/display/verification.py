@@ -45,6 +45,7 @@ class ModelCheck:
     assumptions: Assumptions
 
     def statistics(self) -> dict[str, float]:
+        """Mean, median, largest and shares above 1 and 2 of ΔE₀₀; see `statistics`."""
         return statistics(self.delta_e)
 
 
@@ -128,6 +129,7 @@ class CalibrationCheck:
     delta_e: Mapping[str, Floats]
 
     def statistics(self) -> dict[str, dict[str, float]]:
+        """The same for each way to drive the display."""
         return {name: statistics(d) for name, d in self.delta_e.items()}
 
 

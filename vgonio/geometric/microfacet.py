@@ -38,6 +38,7 @@ class Facets:
 
     @staticmethod
     def of(surface: Heightfield, refinement: int) -> Facets:
+        """The facets of the mesh of `surface`, its samples split `refinement` times along each axis."""
         m = mesh(surface, refinement)
         x0, x1, y0, y1 = m.box
         first, second, third = m.corners(slice(None))

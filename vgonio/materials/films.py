@@ -36,9 +36,11 @@ class Coated(Material):
 
     @property
     def perfect(self) -> bool:
+        """False: a film absorbs or not, but it is made of something."""
         return False
 
     def index(self, wavelength_nm: ArrayLike) -> Complex:
+        """Raises MaterialError: layers have no single refractive index."""
         raise MaterialError(f"{self.name!r} has layers, so no single refractive index: use amplitudes or reflectance")
 
     def check(self, wavelength_nm: ArrayLike) -> None:

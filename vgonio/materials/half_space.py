@@ -41,6 +41,7 @@ class Material:
 
     @property
     def perfect(self) -> bool:
+        """Whether it reflects everything at every angle."""
         return self.table is None
 
     def index(self, wavelength_nm: ArrayLike) -> Complex:

@@ -52,16 +52,21 @@ class Gonioreflectometer:
 
     @property
     def incoming(self) -> Incoming:
+        """The light: directions, coherence, divergence, polarisation."""
         return Incoming(self.theta_i_deg, self.phi_i_deg, self.coherence_um, self.divergence_deg, self.polarisation)
 
     @property
     def detector(self) -> Detector:
+        """The cones in the plane, or the cells of the hemisphere."""
         if self.theta_o_deg is None:
             return Detector.hemisphere(self.resolution_deg)
         return Detector.in_plane(self.theta_o_deg, self.aperture_deg, self.phi_i_deg)
 
     def measure(self, surface: Heightfield, solver: Solver) -> xr.Dataset:
-        """What this instrument sees of `surface` when `solver` scatters the light; seconds are in the attributes."""
+        """What this instrument sees of `surface` when `solver` scatters the light; seconds are in the attributes.
+
+        Raises InputError for what is no Heightfield and for missing points.
+        """
         if not isinstance(surface, Heightfield):
             raise InputError(f"a Heightfield is needed, got {type(surface).__name__}: Heightfield(z_um, pitch_um=…)")
         surface.require_complete()

@@ -31,6 +31,7 @@ class Geometry:
 
     @property
     def shape(self) -> tuple[int, ...]:
+        """The common shape of the angles."""
         return self.theta_i.shape
 
     @property
@@ -40,10 +41,12 @@ class Geometry:
 
     @cached_property
     def cos_i(self) -> Floats:
+        """cos θ_i."""
         return np.cos(self.theta_i)
 
     @cached_property
     def cos_o(self) -> Floats:
+        """cos θ_o."""
         return np.cos(self.theta_o)
 
     @cached_property
@@ -53,10 +56,12 @@ class Geometry:
 
     @property
     def theta_m(self) -> Floats:
+        """Angle between half vector and normal, radians."""
         return self.half[0]
 
     @property
     def theta_d(self) -> Floats:
+        """Angle between light and half vector, radians."""
         return self.half[1]
 
     @cached_property

@@ -24,8 +24,9 @@ class Range:
     log: bool = False
 
 
-# α down to a polished surface; h: ±1 % per nm turns a spectrum over within the visible; below w = 0.25 the cosine is a
-# parabola, above 20 steps of 5° alias; p counts reflections (thesis, below 4.2)
+#: Name → `Range` within which a fit looks for a parameter.
+#: α down to a polished surface; h: ±1 % per nm turns a spectrum over within the visible; below w = 0.25 the cosine is a
+#: parabola, above 20 steps of 5° alias; p counts reflections (thesis, below 4.2)
 RANGES = {
     "alpha": Range(0.002, 2.0, log=True),
     "eta": Range(1.01, 3.0),
@@ -78,10 +79,12 @@ class Model:
 
     @property
     def takes_material(self) -> bool:
+        """Whether Fresnel's reflectance of a material enters, unless `eta` is given."""
         return "eta" in self.shape_parameters
 
 
 _FACETS = {"k_s": 1.0, "k_d": 0.0}
+#: Name → `Model`: every BRDF formula that there is; `table` prints it.
 MODELS = {
     "lambert-1760": Model(lambert_1760.terms, {"k_d": EMPTY}, (), "Lambert 1760", "k_d/pi"),
     "oren-nayar-1994": Model(

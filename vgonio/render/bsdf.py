@@ -19,6 +19,7 @@ from ..errors import InputError
 from ..materials import material
 from ..models.clausen_2022 import WAVELENGTH_N_NM
 
+#: Names of the plug-ins, as Mitsuba and `vgonio.models` know them: without and with the shift extension.
 PLAIN, EXTENDED = "cook-torrance-1982", "clausen-2022"
 # Mitsuba's own spectral range; narrower for materials whose table is, see `wavelength_min`, `wavelength_max`
 RANGE_NM = (360.0, 830.0)

@@ -223,7 +223,8 @@ def _relative_error(mean: Floats, square: Floats, passes: int) -> float:
 def delta_e(data: xr.Dataset, reference: str | None = None) -> xr.DataArray:
     """ΔE₀₀ of each picture against that of the material `reference` (the first), (material, y, x), 0 for itself.
 
-    White is Y = 1 at the common exposure: the difference between the pictures as they are shown.
+    White is Y = 1 at the common exposure: the difference between the pictures as they are shown. Raises InputError for
+    a `reference` that is not there.
     """
     names = [str(m) for m in data["material"].values]
     reference = names[0] if reference is None else reference

@@ -38,13 +38,16 @@ class Store:
         return cls(path)
 
     def result(self, key: str) -> Path:
+        """Where the result of the point `key` is, or would be."""
         # 256 folders: a million files in one is slow on most file systems
         return self.folder / "points" / key[:2] / f"{key}.nc"
 
     def failure(self, key: str) -> Path:
+        """Where the reason of its failure is, or would be."""
         return self.result(key).with_suffix(".json")
 
     def has(self, key: str) -> bool:
+        """Whether the point is finished."""
         return self.result(key).is_file()
 
     def why_failed(self, key: str) -> dict[str, Any] | None:
@@ -56,6 +59,7 @@ class Store:
         return found if isinstance(found, dict) and {"reason", "kind"} <= set(found) else None
 
     def save(self, tree: Any, key: str) -> None:
+        """Store a result, whole or not at all; FileFormatError where its folder cannot be made or written."""
         from ..measure.storage import save
 
         self._folder_of(key)
@@ -63,6 +67,7 @@ class Store:
         self.failure(key).unlink(missing_ok=True)
 
     def fail(self, key: str, reason: str, kind: str, values: Mapping[str, Any]) -> None:
+        """Store why a point failed; FileFormatError as `save`."""
         self._folder_of(key)
         with written_whole(self.failure(key)) as stream:
             stream.write(json.dumps({"reason": reason, "kind": kind, "values": dict(values)}, default=str).encode())

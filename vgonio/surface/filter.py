@@ -64,7 +64,7 @@ def remove_outliers(surface: Heightfield, threshold: float = 6.0, size: int = 5)
     that over the field: so edges and steep places keep their points, and single spikes of an instrument do not. Where
     most of the field is exactly flat, s is at least the interquartile range of all heights / 1.349.
 
-    threshold : from 3 up;  size : odd, from 3 up. The share removed is written into the history.
+    threshold : from 3 up;  size : odd, from 3 up; else InputError. The share removed is written into the history.
     """
     limit = checks.number("threshold", threshold, 3.0)
     if checks.number("size", size, 3.0) % 2 != 1:

@@ -66,14 +66,17 @@ class Heightfield:
     # ---- geometry
     @property
     def dy(self) -> float:
+        """Pitch along y in µm."""
         return self.pitch_um[0]
 
     @property
     def dx(self) -> float:
+        """Pitch along x in µm."""
         return self.pitch_um[1]
 
     @property
     def shape(self) -> tuple[int, int]:
+        """(ny, nx)."""
         return self.z.shape  # type: ignore[return-value]
 
     @property
@@ -83,14 +86,17 @@ class Heightfield:
 
     @property
     def area_um2(self) -> float:
+        """Area of the domain in µm²."""
         return self.size_um[0] * self.size_um[1]
 
     @property
     def x(self) -> Floats:
+        """(nx,) centres of the samples in µm."""
         return (np.arange(self.shape[1], dtype=np.float64) + 0.5) * self.dx
 
     @property
     def y(self) -> Floats:
+        """(ny,) centres of the samples in µm."""
         return (np.arange(self.shape[0], dtype=np.float64) + 0.5) * self.dy
 
     @cached_property
@@ -110,6 +116,7 @@ class Heightfield:
         return Interpolant(self.z, self.pitch_um, self.periodic, self.interpolation)
 
     def require_complete(self) -> None:
+        """Raises InputError, which says how to fill them, where points are missing."""
         if self.missing:
             raise InputError(
                 f"{self.name or 'the surface'} has {self.missing} missing points of {self.z.size} "
@@ -128,10 +135,11 @@ class Heightfield:
 
     # ---- making others
     def with_history(self, z: Floats, step: str, **changes: Any) -> Heightfield:
-        """A new field with other heights and one more line of history."""
+        """A new field with other heights z (ny, nx) in µm and one more line of history."""
         return replace(self, z=z, history=(*self.history, step), **changes)
 
     def replace(self, **changes: Any) -> Heightfield:
+        """A copy with some attributes changed."""
         return replace(self, **changes)
 
     def filled(self, method: str = "interpolate") -> Heightfield:
@@ -147,7 +155,10 @@ class Heightfield:
         return level(self, method)
 
     def cropped(self, size_um: float | ArrayLike, centre: bool = True) -> Heightfield:
-        """The central (or first) part of (Ly, Lx) or one side length in µm; the result is not periodic."""
+        """The central (or first) part of (Ly, Lx) or one side length in µm; the result is not periodic.
+
+        Raises InputError for sizes that are none or larger than the field.
+        """
         try:
             want = np.broadcast_to(np.asarray(size_um, dtype=float), (2,))
         except (TypeError, ValueError):

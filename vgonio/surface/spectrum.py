@@ -27,6 +27,7 @@ def autocorrelation(surface: Heightfield) -> Autocorrelation:
 
     Circular on a periodic field. Elsewhere, and where points are missing, each lag is the mean over the pairs of valid
     points that are that far apart (no bias towards long lags; lags without pairs are NaN).
+    Raises InputError for a flat field.
     """
     from scipy import fft
 

@@ -1,4 +1,4 @@
-"""MERL binary (Matusik 2003): three int32 (90, 90, 180), then R, G, B in half and difference angles of Rusinkiewicz 1998.
+"""MERL binary (Matusik 2003): three int32 (90, 90, 180), then R, G, B in the angles of Rusinkiewicz 1998.
 
 Bin k of θ_h spans 90°·(k/90)² … 90°·((k + 1)/90)², bins of θ_d and φ_d are 1° wide, φ_d from 0 to 180°. Values are
 float64 over 1/1500, 1.15/1500, 1.66/1500 sr⁻¹ for R, G, B; negative means invalid. Here a bin's value is that of its

@@ -107,6 +107,7 @@ class FullWave:
             warnings.warn(f"full wave: {remark}", VgonioWarning, stacklevel=4)
 
     def attributes(self, surface: Heightfield) -> dict[str, Any]:
+        """What every result says of method, material and surface."""
         made: Material = self.material  # type: ignore[assignment]
         return {
             "method": "waves: rigorous boundary integral equations (Nyström on Gauss–Legendre panels), all orders of "
