@@ -10,7 +10,7 @@ import difflib
 from collections.abc import Iterable
 from typing import Any
 
-# names that a message lists; a line of a hundred materials helps nobody
+#: How many names a message lists: a line of a hundred materials helps nobody.
 MOST_NAMES = 25
 
 

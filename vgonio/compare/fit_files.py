@@ -24,7 +24,7 @@ def fit_parameters(fit: xr.Dataset, wavelength_nm: ArrayLike | None = None) -> d
     """All parameters of a fit as keywords of `models.evaluate(fit.attrs["model"], …)`.
 
     wavelength_nm : where coefficients k_d(λ), k_s(λ) are wanted, linear between the fitted ones and constant beyond;
-    None leaves them at the wavelengths of the fit.
+    None leaves them at the wavelengths of the fit. Raises InputError for a dataset that is no fit.
     """
     if fit.attrs.get("method") != "fit":
         raise InputError("this dataset is no fitted model: fit_model makes one")

@@ -31,7 +31,10 @@ def read(path: str | os.PathLike[str], full_scale: float | None = None, unit: st
 
 
 def write(path: str | os.PathLike[str], readings: Sequence[Readings], full_scale: float = 255) -> Path:
-    """Write readings as CSV (.csv) or, of one eye, as CGATS (.ti3, .cgats, .txt)."""
+    """Write readings as CSV (.csv) or, of one eye, as CGATS (.ti3, .cgats, .txt).
+
+    Raises InputError for other endings and for two eyes in one CGATS file.
+    """
     ending = Path(path).suffix.lower()
     if ending == ".csv":
         return write_csv(path, readings, full_scale)

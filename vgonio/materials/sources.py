@@ -15,7 +15,7 @@ from .half_space import Material
 
 Floats = NDArray[np.float64]
 
-# the author that a bare name means; the first of the thesis' choice or of common use
+#: Material → the author that a bare name means: the thesis' choice, or that of common use.
 DEFAULT_AUTHOR = {
     "Al": "Cheng",
     "Ag": "Johnson",
@@ -125,7 +125,10 @@ def vars_of(model) -> list:
 
 
 def dispersion(formula: int, c: list[float], w: Floats) -> Floats:
-    """n(λ in µm) of refractiveindex.info's dispersion formulas 1–9, c the coefficients in its order."""
+    """n(λ in µm) of refractiveindex.info's dispersion formulas 1–9, c the coefficients in its order.
+
+    Raises FileFormatError for another formula.
+    """
     w = np.asarray(w, dtype=np.float64)
     w2 = w * w
     c = list(c) + [0.0] * (17 - len(c))

@@ -103,7 +103,10 @@ class IteratedKirchhoff:
         return orders(self, surface, theta_i_deg)
 
     def scatter(self, surface: Heightfield, incoming: Incoming, detector: Detector) -> xr.Dataset:
-        """The BRDF of `surface`, (theta_i, detector, wavelength), split by the number of reflections."""
+        """The BRDF of `surface`, (theta_i, detector, wavelength), split by the number of reflections.
+
+        Raises InputError for divergent light and for missing points.
+        """
         start = time.perf_counter()
         surface.require_complete()
         if incoming.divergence_deg:
