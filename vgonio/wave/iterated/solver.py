@@ -40,7 +40,7 @@ class IteratedKirchhoff:
 
     The field of the first reflection comes from the tangent-plane rule where the source is seen; it propagates to every
     point in sight, where the same rule makes the next reflection; the detector sums the orders coherently
-    (Bruce and Dainty 1991 for two orders; Obelleiro et al. 1995, iterative physical optics).
+    (Bruce and Dainty 1991 for two orders; Obelleiro-Basteiro et al. 1995, iterative physical optics).
 
     material : name, file or Material;  wavelength_nm : (w,) nm
     bounces : at most so many reflections
