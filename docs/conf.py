@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import sys
 from pathlib import Path
 
+from sphinx.pycode import ModuleAnalyzer
+
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
 
-from docstrings import as_markup, sources  # noqa: E402
+from docstrings import as_markup, constants, sources  # noqa: E402
 
 from vgonio import __version__  # noqa: E402
 
@@ -42,6 +45,20 @@ nitpick_ignore_regex = [("py:.*", r".*")]
 
 
 KNOWN = sources(ROOT / "BIBLIOGRAPHY.bib")
+CONSTANTS = constants(ROOT / "vgonio")
+
+
+def _show_constants(app) -> None:
+    """What is written above a constant where it is defined, also for the module that hands it on in its `__all__`."""
+    for page in sorted((ROOT / "docs" / "api").glob("*.md")):
+        for name in re.findall(r"automodule:: ([\w.]+)", page.read_text(encoding="utf-8")):
+            module, analysed = importlib.import_module(name), ModuleAnalyzer.for_module(name)
+            analysed.analyze()
+            for constant in getattr(module, "__all__", ()):
+                for place, text in CONSTANTS.get(constant, {}).items():
+                    if place.startswith(f"{name}."):
+                        hide = [":meta hide-value:"] if len(repr(getattr(module, constant))) > 60 else []
+                        analysed.attr_docs["", constant] = [*text.splitlines(), "", *hide, ""]
 
 
 def _prepare(app, what, name, obj, options, lines: list[str]) -> None:
@@ -56,4 +73,5 @@ def _notebooks(app, name: str, source: list[str]) -> None:
 
 def setup(app) -> None:
     app.connect("source-read", _notebooks)
+    app.connect("builder-inited", _show_constants)
     app.connect("autodoc-process-docstring", _prepare)

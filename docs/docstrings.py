@@ -11,6 +11,7 @@ from pathlib import Path
 FIELD = re.compile(r"^( *)((?:`?\w+`?)(?:, `?\w+`?)*(?: \([^()]*\))?) : (.*)$")
 NEXT_FIELD = re.compile(r";  (?=\w+ : )")
 CHOICE = re.compile(r'^( +)("[\w -]+") +(.*)$')
+CONSTANT = re.compile(r"((?:^#: .*\n)+)^([A-Z]\w*(?:, [A-Z]\w*)*)(?:: .*)? = ", re.M)
 NAME = r"[A-ZÀ-Þ](?:[\w’-]|'(?!s\b))+"
 CITED = re.compile(rf"\b({NAME})(?:'s)?((?: et al\.?| and {NAME}|, {NAME} and {NAME})?\s)(\()?(\d{{4}})\b(?(3)\))")
 
@@ -48,6 +49,18 @@ def cited(line: str, known: dict[tuple[str, str], str]) -> str:
     titles = "|".join(re.escape(name) for name, year in known if not year)
     named = rf"(?<![`\w])({titles})(?:[:-]\w+)*(?!\w)"  # with the part and the year of a standard
     return re.sub(named, lambda m: f"{m[0]} :cite:`{known[m[1], '']}`", CITED.sub(link, line))
+
+
+def constants(package: Path) -> dict[str, dict[str, str]]:
+    """Name → {module: what the lines "#: …" above it say}, of the constants at the top level of a package's modules."""
+    found: dict[str, dict[str, str]] = {}
+    for file in sorted(package.rglob("*.py")):
+        module = ".".join(file.relative_to(package.parent).with_suffix("").parts).removesuffix(".__init__")
+        for lines, names in CONSTANT.findall(file.read_text(encoding="utf-8")):
+            text = "\n".join(line.removeprefix("#:").strip() for line in lines.splitlines())
+            for name in names.split(", "):
+                found.setdefault(name, {})[module] = text
+    return found
 
 
 def as_lists(lines: list[str]) -> list[str]:

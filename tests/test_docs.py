@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import ast
 import functools
+import importlib
+import inspect
 import re
 import shlex
 import subprocess
 import sys
+import textwrap
 import tomllib
 from pathlib import Path
+from types import ModuleType
 
 import click
 import pytest
@@ -201,6 +205,69 @@ def test_pages_build_without_a_warning(built: Path) -> None:
     assert [name for name in SURFACE_NAMES if f'id="vgonio.surface.{name}"' not in api] == []
     # names that their module loads only when asked are there as well
     assert 'id="vgonio.measure.calibrate"' in (built / "api" / "measure.html").read_text(encoding="utf-8")
+
+
+def test_constants_say_what_they_are(built: Path, citations) -> None:
+    """A public constant has lines "#: …" where it is defined, and they are on its module's page."""
+    docstrings, _ = citations
+    written, found = docstrings.constants(ROOT / "vgonio"), 0
+    for module in public_modules():
+        page = (built / "api" / f"{module.__name__.split('.')[1]}.html").read_text(encoding="utf-8")
+        for name in getattr(module, "__all__", ()):
+            if not callable(thing := getattr(module, name)) and not inspect.ismodule(thing):
+                assert [m for m in written.get(name, ()) if m.startswith(module.__name__)], f"{module.__name__}.{name}"
+                assert f'id="{module.__name__}.{name}"' in page
+                found += 1
+    assert found >= 5
+
+
+# ---- docstrings of all public names
+def public_modules() -> list[ModuleType]:
+    pages = sorted((DOCS / "api").glob("*.md"))
+    names = [n for p in pages for n in re.findall(r"automodule:: ([\w.]+)", p.read_text(encoding="utf-8"))]
+    return [importlib.import_module(name) for name in names if name != "vgonio"]
+
+
+def public_functions() -> list:
+    """Functions, classes and their public methods and properties of every module in docs/api."""
+    found = {}
+    for module in public_modules():
+        own = [n for n, o in vars(module).items() if n[0] != "_" and getattr(o, "__module__", "") == module.__name__]
+        for name in getattr(module, "__all__", own):
+            thing = getattr(module, name)
+            if not callable(thing):
+                continue
+            found[f"{module.__name__}.{name}"] = thing
+            for part, method in vars(thing).items() if inspect.isclass(thing) else ():
+                method = method.__func__ if isinstance(method, classmethod | staticmethod) else method
+                method = method.fget if isinstance(method, property) else getattr(method, "func", method)
+                if part[0] != "_" and inspect.isfunction(method):
+                    found[f"{module.__name__}.{name}.{part}"] = method
+    return [pytest.param(thing, id=name) for name, thing in found.items()]
+
+
+SHAPE_OR_UNIT = re.compile(r"\((…|\w+),( ?(…|\w+))*\)|radian|degree|\bnm\b|µm")
+
+
+@pytest.mark.parametrize("thing", public_functions())
+def test_docstrings_say_errors_shapes_and_units(thing) -> None:
+    """There is one; it speaks of errors where the function raises them itself, and of each argument that is an array:
+    its name, unless the name has the unit, or a shape or a unit."""
+    text = thing.__doc__ or ""
+    assert text
+    if inspect.isclass(thing):
+        assert not text.startswith(f"{thing.__name__}("), (
+            "that is the signature, written by dataclasses"
+        )
+        return
+    tree = ast.parse(textwrap.dedent(inspect.getsource(thing)))
+    raised = [n.exc for n in ast.walk(tree) if isinstance(n, ast.Raise) and n.exc is not None]
+    errors = {n for e in raised if (n := getattr(getattr(e, "func", e), "id", "")).endswith("Error")}
+    assert not errors or re.search("|".join([*errors, "[Rr]aises", "[Rr]efus"]), text), f"says nothing of {errors}"
+    for parameter in inspect.signature(thing).parameters.values():
+        if re.search("ArrayLike|Floats|NDArray", str(parameter.annotation)):
+            named = re.search(rf"\b{parameter.name}\b", text) or re.search("_(um|deg|nm)$", parameter.name)
+            assert named or SHAPE_OR_UNIT.search(text), f"says nothing of {parameter}"
 
 
 def test_the_table_of_proofs_is_whole(built: Path) -> None:

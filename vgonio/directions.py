@@ -211,6 +211,7 @@ class Detector:
 
     @cached_property
     def directions(self) -> Floats:
+        """(n, 3) unit vectors of the middles of cones or cells."""
         return unit_vectors(radians(self.theta_deg), radians(self.phi_deg))
 
     def __len__(self) -> int:

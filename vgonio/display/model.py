@@ -75,6 +75,7 @@ class DisplayModel:
 
     @cached_property
     def black_xyz(self) -> Floats:
+        """(3,) of the measured black, in cd/m²."""
         return spectra_to_xyz(self.black, self.wavelength_nm)
 
     @cached_property

@@ -131,6 +131,7 @@ class Interpolant:
 
     @cached_property
     def coefficients(self) -> Floats:
+        """Spline coefficients along both axes, (ny, nx), two more along cubic axes that do not wrap."""
         c = self.y_axis.coefficients(self.values)
         return np.ascontiguousarray(self.x_axis.coefficients(c.T).T)
 
