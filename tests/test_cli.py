@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import shlex
@@ -316,15 +317,14 @@ def test_threads_are_set_before_libraries_are_loaded(scene):
 
 SLOW_WAVES = """
 import sys, time
-from vgonio import assembly
 from vgonio.cli import main
+from vgonio.wave import Kirchhoff
 
-class Slow:
-    def scatter(self, surface, incoming, detector):
-        print("waves began", flush=True)
-        time.sleep(100)
+def slow(self, surface, incoming, detector):
+    print("waves began", flush=True)
+    time.sleep(100)
 
-assembly.waves = lambda scene, theory, progress=None: Slow()
+Kirchhoff.scatter = slow
 sys.exit(main(["simulate", "scene.toml", "-o", "long.nc", "--set", "geometric.rays=100"]))
 """
 
@@ -361,7 +361,7 @@ def test_a_terminal_without_greek_is_no_reason_to_fail(scene):
 
 
 def test_a_missing_package_is_named(scene, monkeypatch, capsys):
-    monkeypatch.setattr("vgonio.cli.simulate.print_table", lambda *_: __import__("no_such_package"))
+    monkeypatch.setattr("vgonio.cli.simulate.print_table", lambda *_, **more: __import__("no_such_package"))
     assert main(["plan", str(scene)]) == 2
     assert capsys.readouterr().err == (
         "vgonio: error: the Python package no_such_package is missing: pip install no_such_package\n"
@@ -376,3 +376,27 @@ def test_an_internal_error_is_status_1_and_one_line(scene, monkeypatch, capsys):
     said = capsys.readouterr().err
     assert said.startswith("vgonio: internal error: ZeroDivisionError")
     assert said.count("\n") == 1
+
+
+def test_kinds_of_surfaces_are_listed_with_what_they_take(capsys):
+    """Every parameter that the list prints is one that the generator takes, and the other way round."""
+    from vgonio.scene import GENERATORS
+
+    assert main(["surface", "make", "--list"]) == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()[2:]]
+    kind, listed = "", {}
+    for row in rows:
+        if row[0] in GENERATORS:
+            kind = row[0]
+            listed[kind] = {}
+        else:
+            listed[kind][row[0]] = " ".join(row[1:])
+    assert set(listed) == set(GENERATORS)
+    for name, parameters in listed.items():
+        taken = inspect.signature(getattr(vg.surface, name)).parameters
+        assert set(parameters) == {p for p in taken if p != "base"}
+        assert {p for p, default in parameters.items() if default == "needed"} == {
+            p for p, parameter in taken.items() if parameter.default is parameter.empty
+        }
+    assert main(["surface", "make", "gaussian"]) == 2
+    assert "-o FILE" in capsys.readouterr().err

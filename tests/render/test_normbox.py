@@ -356,7 +356,7 @@ def edited(path, change):
 @pytest.mark.parametrize(
     "file, change, said",
     [
-        ("patch_19.json", None, "patch 19 is missing"),
+        ("patch_19.json", None, "1 of 6 files of [files] are missing"),
         (
             "reference.csv",
             lambda t: "\n".join(r for r in t.splitlines() if not r.startswith("24,")),

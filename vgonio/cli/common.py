@@ -73,8 +73,8 @@ def _plain(value: Any) -> Any:
     return value.item() if hasattr(value, "item") else str(value)
 
 
-def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """A table on standard output: as wide as it needs to be where nobody reads it on a terminal."""
+def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], width: int = 200) -> None:
+    """A table on standard output: as wide as it needs to be, up to `width`, where nobody reads it on a terminal."""
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
@@ -87,7 +87,7 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]
     if sys.stdout.isatty():
         Console(markup=False, highlight=False).print(table)
         return
-    console = Console(width=200, markup=False, highlight=False, file=io.StringIO())
+    console = Console(width=width, markup=False, highlight=False, file=io.StringIO())
     console.print(table)
     print("\n".join(line.rstrip() for line in console.file.getvalue().splitlines()).strip("\n"))  # type: ignore[attr-defined]
 
@@ -122,3 +122,15 @@ def progress_bars() -> Iterator[Callable[[str, float], None] | None]:
             bars.update(tasks[part], completed=min(1.0, fraction))
 
         yield progress
+
+
+@contextmanager
+def busy(what: str) -> Iterator[None]:
+    """A moving sign on standard error while work goes on whose length nobody knows; nothing unless on a terminal."""
+    if is_quiet() or not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status(f"{what} …"):
+        yield

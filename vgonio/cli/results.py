@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import InputError, VgonioError, nearest
-from .common import Json, Quiet, Threads, print_json, print_table, say
+from .common import Json, Quiet, Threads, busy, print_json, print_table, say
 
 RESULT_ENDINGS = (".nc", ".nc4", ".h5")
 
@@ -51,10 +51,13 @@ def compare(
     from ..compare import summary
 
     reflector = None if material == "none" else material
-    comparison = run(data, reference=reference, material=reflector)
-    rows = summary(comparison)
-    looks = [row for name, found in data.items() for row in _appearance(name, found)]
-    shares = _explained(data, str(comparison.attrs["reference"]), reflector, figures)
+    with busy("comparing"):
+        comparison = run(data, reference=reference, material=reflector)
+        rows = summary(comparison)
+    with busy("appearance"):
+        looks = [row for name, found in data.items() for row in _appearance(name, found)]
+    with busy("shares of the shift"):
+        shares = _explained(data, str(comparison.attrs["reference"]), reflector, figures)
     if as_json:
         print_json(rows + looks + shares)
         return

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -82,23 +84,38 @@ def _parameters(field: Any) -> dict[str, Any]:
 
 @app.command()
 def make(
-    kind: Annotated[str, typer.Argument(help="flat, sinusoid, lamellar, blazed, gaussian, power_law or sandblasted.")],
+    kind: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="KIND",
+            help="flat, sinusoid, lamellar, blazed, gaussian, power_law or sandblasted.",
+            show_default=False,
+        ),
+    ] = None,
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE", help="Where it goes: .npz, .x3p, .stl, .csv.")
-    ],
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Where it goes: .npz, .x3p, .stl, .csv."),
+    ] = None,
     parameters: Set = None,
+    list_kinds: Annotated[bool, typer.Option("--list", help="Print the kinds and their parameters and end.")] = False,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
     """Generate a surface.
 
-    The parameters are the generator's, as TOML values.
+    The parameters are the generator's, as TOML values; --list prints them, and a scene's
+    generate = { kind = "sinusoid", … } takes the same.
 
     Example: vgonio surface make sinusoid --set period_um=2 --set amplitude_um=0.1 -o sinusoid.npz
     """
     from .. import surface
     from ..scene import GENERATORS, check_generator, parse_override
 
+    if list_kinds:
+        print_table("", ("kind", "parameter", "default", "what it is"), _kinds([kind] if kind else GENERATORS))
+        return
+    if kind is None or output is None:
+        raise InputError("KIND and -o FILE are needed, or --list for the kinds and their parameters")
     if kind not in GENERATORS:
         raise InputError(f"kind {kind!r} is unknown: {nearest(kind, GENERATORS)}")
     given: dict[str, Any] = {}
@@ -109,6 +126,35 @@ def make(
         given[keys[0]] = value
     check_generator({"kind": kind, **given})
     _write(getattr(surface, kind)(**given), output)
+
+
+def _kinds(kinds: Iterable[str]) -> list[tuple[str, ...]]:
+    """Rows of kind, parameter, default and what it is, from the generators' own signatures and docstrings."""
+    import inspect
+
+    from .. import surface
+    from ..scene import GENERATORS
+
+    rows: list[tuple[str, ...]] = []
+    for kind in kinds:
+        if kind not in GENERATORS:
+            raise InputError(f"kind {kind!r} is unknown: {nearest(kind, GENERATORS)}")
+        made = getattr(surface, kind)
+        first = inspect.getdoc(made) or ""
+        rows.append((kind, "", "", first.split("\n")[0]))
+        for name, parameter in inspect.signature(made).parameters.items():
+            if "Heightfield" in str(parameter.annotation):
+                continue  # nothing that TOML could hold
+            needed = parameter.default is parameter.empty
+            rows.append(("", name, "needed" if needed else _toml(parameter.default), ""))
+    return rows
+
+
+def _toml(value: Any) -> str:
+    """A default as it is written behind --set; "none" where it is not given."""
+    if value is None:
+        return "none"
+    return json.dumps(list(value) if isinstance(value, tuple) else value)
 
 
 @app.command()
