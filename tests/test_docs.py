@@ -256,9 +256,7 @@ def test_docstrings_say_errors_shapes_and_units(thing) -> None:
     text = thing.__doc__ or ""
     assert text
     if inspect.isclass(thing):
-        assert not text.startswith(f"{thing.__name__}("), (
-            "that is the signature, written by dataclasses"
-        )
+        assert not text.startswith(f"{thing.__name__}("), "that is the signature, written by dataclasses"
         return
     tree = ast.parse(textwrap.dedent(inspect.getsource(thing)))
     raised = [n.exc for n in ast.walk(tree) if isinstance(n, ast.Raise) and n.exc is not None]

@@ -1,0 +1,188 @@
+"""What the tutorial, the how-to pages and the README's Python section tell people to type is typed, in order.
+
+Each page has a folder of its own with small files of the names that it uses. Before a fence a page may say
+    <!-- file: NAME -->      the block is the content of that file
+    <!-- into: NAME -->      the block takes the place of the table of that name in that file
+    <!-- not run: REASON --> and nothing else is left out
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import vgonio as vg
+from vgonio.cli import main
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = ["docs/tutorial.md", *sorted(f"docs/howto/{p.name}" for p in (ROOT / "docs/howto").glob("*.md")), "README.md"]
+BLOCK = re.compile(r"(?:^<!-- (file|into|not run): (.+?) -->\n)?^```(\w*)\n(.*?)^```$", re.M | re.S)
+# what a page says in full, and what is typed here: fewer rays, pixels and patches, the same commands
+CHEAP = {
+    "rays = 2_000_000": "rays = 50_000",
+    "rays=10**7": "rays=10**4",
+    "stop = 700, step = 50": "stop = 700, step = 150",
+    "--target-error 0.01": "--target-error 0.5 --size 24 --samples 1 --wavelengths 450:650:100",
+    "-o beside.png": "-o beside.png --size 24 --samples 1 --wavelengths 450:650:100",
+    "accuracy sinusoid-nufft v-groove": "accuracy v-groove",
+}
+REMADE = ("sample.json",)  # written by a page that reads it before
+SMALL_BOX = """
+[virtual]
+samples = 4
+[render]
+patches = [4, 19]
+angles_deg = [30, 60]
+wavelengths = 8
+samples = 4
+[errors]
+repeats = 0
+"""
+
+
+def blocks(page: str) -> list[tuple[str, str, str, str]]:
+    """(mark, its text, language, code) of the fences of a page in their order; of the README its Python section."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    if page == "README.md":
+        text = text.split("## In Python\n")[1].split("\n## ")[0]
+    return [b for b in BLOCK.findall(text) if not b[3].startswith(":maxdepth")]
+
+
+# ---- small files of the names that the pages use
+SCENE = {
+    "surface": {"generate": dict(kind="gaussian", rms_um=0.3, correlation_um=4, shape=[64, 64], pitch_um=0.5)},
+    "material": {"name": "Al"},
+    "light": {"wavelength_nm": [450, 550, 650], "theta_i_deg": [0, 30, 60]},
+    "detector": {"theta_o_deg": {"start": -80, "stop": 80, "step": 10}},
+    "geometric": {"rays": 5000},
+}  # fmt: skip
+REST = """
+[material]
+name = "Al"
+[light]
+wavelength_nm = [450, 550, 650]
+theta_i_deg = [0, 30]
+[detector]
+theta_o_deg = { start = -80, stop = 80, step = 20 }
+[geometric]
+rays = 5000
+[wave]
+theory = "kirchhoff"
+"""
+NM = np.array([450.0, 550.0, 650.0])
+ANGLES = np.arange(-80.0, 81.0, 10.0)
+
+
+def write_al3d(path: Path, z_um: np.ndarray, pitch_um: float) -> None:
+    """Heights as an Alicona instrument stores them: tags of 20 and 30 bytes, a comment, rows of float32 in metres."""
+    rows, columns = z_um.shape
+    tags = {"Cols": columns, "Rows": rows, "PixelSizeXMeter": pitch_um * 1e-6, "PixelSizeYMeter": pitch_um * 1e-6}
+    tags |= {"InvalidPixelValue": "NaN", "DepthImageOffset": 1024}
+    lines = [("Version", 1), ("TagCount", len(tags)), *tags.items()]
+    packed = [struct.pack("<20s30s2s", k.encode(), str(v).encode(), b"\r\n") for k, v in lines]
+    head = b"AliconaImaging\x00\r\n" + b"".join(packed)
+    path.write_bytes(head.ljust(1024, b"\x00") + (z_um[::-1] * 1e-6).astype("<f4").tobytes())
+
+
+def counts_csv(path: Path, data: xr.Dataset) -> None:
+    table = data[["counts", "counts_stderr"]].to_dataframe().reset_index()
+    names = {"theta_i": "theta_i_deg", "theta_o": "theta_o_deg", "wavelength": "wavelength_nm"}
+    table.rename(columns=names)[[*names.values(), "counts", "counts_stderr"]].to_csv(path, index=False)
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with every file that a page takes for granted, each small."""
+    from vgonio import display
+    from vgonio.measure.calibration import lambertian_standard
+    from vgonio.measure.instrument import Instrument
+
+    folder = tmp_path_factory.mktemp("workshop")
+    rough = vg.surface.gaussian(rms_um=0.3, correlation_um=4.0, shape=(120, 120), pitch_um=0.4, seed=1, exact=False)
+    write_al3d(folder / "sample.al3d", np.array(rough.z), 0.4)
+    sample = vg.models.evaluate("clausen-2022", [0, 30, 60], ANGLES, np.arange(400.0, 701, 50), alpha=0.3, h=1e-3, w=3)
+    for name in ("sample.json", "ours.json", "theirs.csv"):
+        vg.measure.write(sample, folder / name)
+    instrument, lamp = Instrument(aperture_deg=0, divergence_deg=0, bandwidth_nm=0), np.array([1e5, 2e5, 3e5])
+    white = lambertian_standard(NM, [0.9, 0.95, 0.97], [0.002] * 3)
+    vg.measure.write(white, folder / "spectralon.json")
+    three = sample.sel(wavelength=NM)
+    seen = instrument.seen(white.drop_vars("brdf_stderr"), [10], ANGLES, fill="azimuth")
+    counts_csv(folder / "white.csv", instrument.counts(seen, lamp, 1))
+    counts_csv(folder / "counts.csv", instrument.counts(three, lamp / 10, 2).map(lambda v: v * 10))
+    _, readings = display.examine_virtual(display.virtual_display("wide-gamut"), display.patches("colorchecker"))
+    display.write(folder / "readings.csv", [readings])
+    vg.save(vg.simulate(SCENE), folder / "result.nc")
+    (folder / "scene.toml").write_text('[surface]\nfile = "sample.al3d"\n' + REST)
+    return folder
+
+
+# ---- typing
+def cheap(text: str) -> str:
+    for long, short in CHEAP.items():
+        text = text.replace(long, short)
+    return text
+
+
+def shell(code: str) -> None:
+    """Each `vgonio` line as a command of this process; what follows # is left away."""
+    for line in code.splitlines():
+        for part in line.split(" && "):
+            words = shlex.split(part, comments=True)
+            if words:
+                assert words[0] == "vgonio", f"{part!r}: mark a block of other commands as not run, with the reason"
+                assert main(words[1:]) == 0, part
+                if words[1:3] == ["validate", "--init"]:
+                    from vgonio.render.normbox.inputs import load
+
+                    load(words[3])
+                    Path(words[3]).write_text(SMALL_BOX)
+
+
+def into(path: Path, table: str) -> None:
+    """A table of a TOML file replaced."""
+    name = re.match(r"\[\w+\]", table)[0]
+    text, count = re.subn(rf"^{re.escape(name)}.*?(?=^\[)", lambda _: table + "\n", path.read_text(), flags=re.M | re.S)
+    assert count == 1
+    path.write_text(text)
+    vg.plan(path)
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if any(b[2] in ("", "python") for b in blocks(p))])
+@pytest.mark.filterwarnings("ignore::vgonio.errors.VgonioWarning")
+def test_a_page_does_what_it_says(page, workshop, tmp_path, monkeypatch, capsys) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    if "render" in page:
+        pytest.importorskip("mitsuba")
+    made = re.findall(r"(?:init|-o|--report|--colours) (\S+)", "".join(code for *_, code in blocks(page)))
+    for file in workshop.iterdir():
+        if file.name not in made or file.name in REMADE:
+            (tmp_path / file.name).write_bytes(file.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for mark, argument, language, code in blocks(page):
+        if mark == "file":
+            Path(argument).write_text(cheap(code))
+        elif mark == "into":
+            into(Path(argument), code)
+        elif not mark and language == "python":
+            exec(compile(cheap(code), page, "exec"), names)
+        elif not mark and language == "":
+            shell(cheap(code))
+    matplotlib.pyplot.close("all")
+
+
+def test_what_is_not_run_says_why_and_what_is_cheaper_is_there() -> None:
+    everything = [b for page in PAGES for b in blocks(page)]
+    assert all(len(reason) > 10 for mark, reason, *_ in everything if mark == "not run")
+    text = "".join(code for *_, code in everything)
+    assert [long for long in CHEAP if long not in text] == []
+    assert len([b for b in everything if b[2] in ("", "python") and b[0] != "not run"]) >= 10
