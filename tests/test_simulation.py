@@ -79,14 +79,14 @@ def scene(**changes: Any) -> dict[str, Any]:
 def test_the_groups_are_those_of_the_scene(stand_ins):
     tree = simulate(scene())
     assert list(tree.children) == ["surface", "rays", "waves", "waves_harvey_shack", "comparison"]
-    assert stand_ins.calls == ["rays", "kirchhoff", "harvey-shack"]
+    assert list(dict.fromkeys(stand_ins.calls)) == ["rays", "kirchhoff", "harvey-shack"]  # planned, then made
     assert set(simulated(tree)) == {"rays", "waves", "waves_harvey_shack"}
 
 
 def test_what_is_absent_is_not_made(stand_ins):
     tree = simulate(scene(wave=None), ["light.wavelength_nm=500"])
     assert list(tree.children) == ["surface", "rays"]
-    assert stand_ins.calls == ["rays"]
+    assert set(stand_ins.calls) == {"rays"}
 
 
 def test_one_result_with_a_spectrum_is_judged_by_itself(stand_ins):

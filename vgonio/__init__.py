@@ -17,6 +17,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from . import (
+        accuracy,
         compare,
         directions,
         display,
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from .studies import sweep
 
 _MODULES = (
+    "accuracy",
     "compare",
     "directions",
     "display",
@@ -61,10 +63,11 @@ _FUNCTIONS = {
 }
 
 # parts that hand out results; with them come the pictures as methods, `result.vgonio.plot_lobes()`
-_WITH_PICTURES = {"measure", "open", "simulate"}
+_WITH_PICTURES = {"compare", "measure", "models", "open", "simulate", "sweep"}
 
 __all__ = [
     "__version__",
+    "accuracy",
     "compare",
     "directions",
     "display",

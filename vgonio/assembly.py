@@ -147,7 +147,13 @@ def waves(scene: Scene, theory: str, progress: Progress | None = None) -> Any:
     asked, light = _required(scene.wave, "wave"), _required(scene.light, "light")
     given: dict[str, Any] = {} if progress is None else {"progress": progress}
     if theory == "full-wave":
-        return FullWave(material=scene_material(scene), wavelength_nm=light.wavelength_nm, tol=asked.tol, **given)
+        return FullWave(
+            material=scene_material(scene),
+            wavelength_nm=light.wavelength_nm,
+            tol=asked.tol,
+            windows=asked.windows,
+            **given,
+        )
     if theory == "iterated-kirchhoff":
         asked_for = {k: getattr(asked, k) for k in ("bounces", "window_um", "windows") if getattr(asked, k) is not None}
         return IteratedKirchhoff(
@@ -164,6 +170,7 @@ def waves(scene: Scene, theory: str, progress: Progress | None = None) -> Any:
         tol=asked.tol,
         method=asked.method,
         theory=theory,
+        windows=asked.windows,
         shadowing=asked.shadowing,
         fresnel=asked.fresnel,
         polarised=asked.polarised,

@@ -18,6 +18,7 @@ import xarray as xr
 from . import assembly
 from .dataset import versions
 from .errors import InputError
+from .memory import Watch
 from .planning import Plan, check_output, check_outputs, plan_of, with_folder
 from .scene import Scene, load_scene
 
@@ -41,7 +42,8 @@ def simulate(
     output, report : where to write, relative to the working directory, instead of the scene's own [output]
 
     The tree has the groups that were made: surface, rays, waves (waves_<theory> for further theories), measured,
-    comparison; its attributes hold the scene, the plan, the provenance and the seconds of each part as JSON.
+    comparison; its attributes hold the scene, the plan with what was expected of each part, the provenance, and what
+    each part took, `seconds` and `memory_bytes` (the largest of the process meanwhile), as JSON.
     When interrupted, the groups that are complete are kept in <output>.partial.nc and KeyboardInterrupt goes on.
 
     Raises InputError, FileFormatError or MaterialError for bad input, before any work is done.
@@ -64,7 +66,7 @@ def simulate(
     try:
         for name, data in _groups(checked, plan, inputs, run):
             tree[name] = xr.DataTree(data)
-        tree.attrs["seconds"] = json.dumps(run.seconds)
+        run.store(tree)
         _write(tree, result_path, page_path, run)
     except KeyboardInterrupt as interrupt:
         _keep_finished(tree, run, result_path, interrupt)
@@ -73,10 +75,11 @@ def simulate(
 
 
 class _Run:
-    """Seconds and progress of the parts of one simulation."""
+    """Seconds, memory and progress of the parts of one simulation."""
 
     def __init__(self, progress: Progress | None) -> None:
         self.seconds: dict[str, float] = {}
+        self.memory: dict[str, int] = {}
         self.report = progress
 
     @contextmanager
@@ -85,10 +88,17 @@ class _Run:
         begin = time.perf_counter()
         if self.report is not None:
             self.report(name, 0.0)
-        yield (lambda fraction: self.report(name, fraction)) if self.report is not None else None  # type: ignore[misc]
+        with Watch(step=0.02) as memory:
+            yield (lambda fraction: self.report(name, fraction)) if self.report is not None else None  # type: ignore[misc]
         self.seconds[name] = round(time.perf_counter() - begin, 3)
+        if memory.peak is not None:
+            self.memory[name] = memory.peak
         if self.report is not None:
             self.report(name, 1.0)
+
+    def store(self, tree: xr.DataTree) -> None:
+        """Into the result, beside what the plan expected."""
+        tree.attrs |= {"seconds": json.dumps(self.seconds), "memory_bytes": json.dumps(self.memory)}
 
 
 def _groups(scene: Scene, plan: Plan, inputs: assembly.Inputs, run: _Run) -> Iterator[tuple[str, xr.Dataset]]:
@@ -151,7 +161,7 @@ def _write(tree: xr.DataTree, result_path: Path | None, page_path: Path | None, 
 
         with run.part("report"):
             page(tree, with_folder(page_path))
-    tree.attrs["seconds"] = json.dumps(run.seconds)
+    run.store(tree)
 
 
 def _keep_finished(tree: xr.DataTree, run: _Run, path: Path | None, interrupt: KeyboardInterrupt) -> None:
@@ -166,7 +176,8 @@ def _keep_finished(tree: xr.DataTree, run: _Run, path: Path | None, interrupt: K
     from .measure.storage import save
 
     partial = path.with_name(f"{path.stem}.partial{path.suffix}")
-    tree.attrs |= {"seconds": json.dumps(run.seconds), "interrupted": "yes: groups that were not finished are absent"}
+    run.store(tree)
+    tree.attrs |= {"interrupted": "yes: groups that were not finished are absent"}
     save(tree, with_folder(partial))
     interrupt.add_note(f"finished parts ({', '.join(finished)}) are kept in {partial}")
 
@@ -181,9 +192,14 @@ def provenance(scene: Scene) -> str:
             "processor": platform.machine(),
             "cpu_count": os.cpu_count(),
             "date": datetime.now(UTC).isoformat(timespec="seconds"),
-            "inputs": {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in scene.inputs},
+            "inputs": {p.name: _digest(p) for p in scene.inputs},
         }
     )
+
+
+def _digest(path: Path) -> str:
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def simulated(tree: xr.DataTree) -> dict[str, xr.Dataset]:

@@ -152,5 +152,8 @@ def _coherence(surface: Heightfield, coherence_um: float) -> list[str]:
         ]
     count = independent(tile(surface, coherence_um), surface)
     if count < FEW_WINDOWS and not (surface.periodic and surface.is_profile):
-        return [f"only about {count:.0f} independent coherence windows fit on the sample: expect speckle"]
+        return [
+            f"the coherence windows that fit on the sample overlap and are worth about {count:.0f} independent coherence "
+            "windows: expect speckle"
+        ]
     return []

@@ -66,7 +66,7 @@ def scene(**light) -> dict:
 
 def test_the_plan_has_the_time():
     transform = next(s for s in vg.plan(scene()).stages if s.name == "transform")
-    assert transform.cost.endswith("seconds")
+    assert 0 < transform.seconds < 60
     assert not any("two cores" in w for w in vg.plan(scene()).warnings)
     long = scene(theta_i_deg=list(np.arange(0, 80.0)), wavelength_nm=list(np.arange(380, 780.0, 2)))
     long["wave"] = {"shadowing": True, "fresnel": "local"}

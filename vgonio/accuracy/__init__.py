@@ -4,7 +4,21 @@
 >>> table = run_cases(["sinusoid-nufft", "v-groove"])
 """
 
+from .calibration import Calibration, calibrate, calibration, calibration_path
 from .cases import CASES, Case, Outcome
 from .measuring import machine, run_cases, select
+from .speeds import Speeds
 
-__all__ = ["CASES", "Case", "Outcome", "machine", "run_cases", "select"]
+__all__ = [
+    "CASES",
+    "Calibration",
+    "Case",
+    "Outcome",
+    "Speeds",
+    "calibrate",
+    "calibration",
+    "calibration_path",
+    "machine",
+    "run_cases",
+    "select",
+]

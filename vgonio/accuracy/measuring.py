@@ -6,13 +6,13 @@ import json
 import math
 import os
 import platform
-import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import Any
 
 from ..errors import BackendError
+from ..memory import Watch
 from .cases import CASES, Case, as_text, require
 
 Row = dict[str, Any]
@@ -63,54 +63,25 @@ def _row(case: Case, setting: float) -> Row:
         "setting": as_text(setting, case.unit),
     }
     try:
-        with _Memory() as memory:
+        with Watch() as memory:
             begin = time.perf_counter()
             outcome = case.run(setting)
             seconds = time.perf_counter() - begin
     except BackendError as e:
         return row | {"note": str(e)}
     figures = {k: v if math.isfinite(v) else None for k, v in asdict(outcome).items()}
-    return row | figures | {"seconds": seconds, "memory_mb": memory.growth_mb}
+    return row | figures | {"seconds": seconds, "memory_mb": None if memory.growth is None else memory.growth / 1e6}
 
 
-class _Memory:
-    """Growth of the resident memory while a block runs, sampled every 5 ms; None where the system does not tell."""
-
-    def __enter__(self) -> _Memory:
-        self.begin = self.most = _resident()
-        self.ended = threading.Event()
-        self.sampler = threading.Thread(target=self._sample, daemon=True)
-        self.sampler.start()
-        return self
-
-    def _sample(self) -> None:
-        while not self.ended.wait(0.005):
-            self.most = max(self.most, _resident())
-
-    def __exit__(self, *exception: Any) -> None:
-        self.ended.set()
-        self.sampler.join()
-
-    @property
-    def growth_mb(self) -> float | None:
-        return (self.most - self.begin) / 1e6 if self.begin else None
-
-
-def _resident() -> int:
-    try:
-        with open("/proc/self/statm", encoding="ascii") as stream:
-            return int(stream.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    except (OSError, ValueError, IndexError):
-        return 0
-
-
-def machine() -> dict[str, Any]:
-    """Processor, its count, system, load and versions that figures belong to."""
+def machine(brief: bool = False) -> dict[str, Any]:
+    """Processor, its count, system, load and versions that figures belong to; `brief`: the first two."""
+    named = {"processor": _processor(), "processors": os.cpu_count()}
+    if brief:
+        return named
     from ..dataset import versions
 
     return {
-        "processor": _processor(),
-        "processors": os.cpu_count(),
+        **named,
         "system": platform.platform(),
         "load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
         "versions": json.loads(versions()),

@@ -24,6 +24,14 @@ def accuracy(
     quick: Annotated[
         bool, typer.Option("--quick", help="One or two cheap settings of each case: 15 s in all.", show_default=False)
     ] = False,
+    calibrate: Annotated[
+        bool,
+        typer.Option(
+            "--calibrate",
+            help="Measure this machine instead, so that plans tell its seconds: 20 s.",
+            show_default=False,
+        ),
+    ] = False,
     known: Annotated[bool, typer.Option("--list", help="Name the cases and stop.", show_default=False)] = False,
     as_json: Json = False,
     threads: Threads = None,
@@ -34,8 +42,13 @@ def accuracy(
     Error asked for, stated and achieved, seconds, memory, on this machine, which is named. An empty cell: one
     cannot ask that solver for an error there, or it states none. All cases take two minutes.
 
+    --calibrate measures how fast this machine is, with the --threads given, and keeps that for `vgonio plan`.
+
     Example: vgonio accuracy sinusoid-nufft v-groove -o accuracy
     """
+    if calibrate:
+        _calibrate(cases, output, quick, known, as_json)
+        return
     from ..accuracy import machine, run_cases, select
     from ..planning import with_folder
 
@@ -60,6 +73,23 @@ def accuracy(
         print(f"on {place['processor']}, {place['processors']} processors, load {place['load']}")
         if output is not None:
             say(f"written: accuracy.csv, accuracy.json and accuracy.png in {output}")
+
+
+def _calibrate(cases: list[str] | None, output: Path | None, quick: bool, known: bool, as_json: bool) -> None:
+    """Measure the machine and keep that."""
+    from dataclasses import asdict
+
+    from ..accuracy import calibrate, calibration_path
+    from ..errors import InputError
+
+    if cases or output is not None or quick or known:
+        raise InputError("--calibrate measures the machine and nothing else: leave cases, -o, --quick and --list out")
+    with progress_bars() as progress:
+        made = calibrate(progress=progress)
+    if as_json:
+        print_json({"file": str(calibration_path()), **asdict(made)})
+        return
+    say(f"{made.machine}, {made.threads} threads: kept in {calibration_path()}")
 
 
 def _rounded(value: Any) -> Any:

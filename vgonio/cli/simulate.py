@@ -12,6 +12,7 @@ from ..errors import InputError
 from ..files import written_whole
 from .common import Json, Quiet, Set, Threads, print_json, print_table, progress_bars, say
 
+PIPED = 118  # characters of the plan where nobody reads it on a terminal
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).", show_default=False)]
 
 
@@ -106,7 +107,8 @@ def plan(
 ) -> None:
     """Show what a scene will do, without doing it.
 
-    Stages, what is left out and why, libraries, rough costs, and where the numbers should not be trusted.
+    Every stage with its time, memory and error, what is left out and why, and where the numbers should not be
+    trusted. Times are those of this machine once it is calibrated: vgonio accuracy --calibrate.
 
     Example: vgonio plan scene.toml --json
     """
@@ -116,8 +118,8 @@ def plan(
     if as_json:
         print_json(made.to_dict())
         return
-    rows = [("yes" if s.needed else "no", s.name, s.library, s.cost, s.why) for s in made.stages]
-    print_table(f"Plan of {made.title}", ("done", "stage", "library", "cost", "why"), rows)
+    print_table(f"Plan of {made.title}", *made.table(), width=PIPED)
+    print(f"times: {made.machine}")
     _warn(list(made.warnings))
 
 

@@ -10,12 +10,13 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from .. import assembly
+from ..accuracy.calibration import calibration
 from ..scene import Scene, load_scene
 from . import stages
 from .cautions import warnings_of
 from .outputs import check_output, check_outputs, with_folder
+from .parts import forecasts
 from .plans import Plan, Stage
-from .rough import wave_seconds
 from .sizes import detector_elements, refinement, result_groups
 
 __all__ = [
@@ -28,7 +29,6 @@ __all__ = [
     "plan_of",
     "refinement",
     "result_groups",
-    "wave_seconds",
     "with_folder",
 ]
 
@@ -45,11 +45,15 @@ def plan(scene: str | os.PathLike[str] | Mapping[str, Any] | Scene, overrides: I
 
 def plan_of(scene: Scene, inputs: assembly.Inputs) -> Plan:
     """The plan of a checked scene whose inputs were read already."""
+    on = calibration()
+    expected = forecasts(scene, inputs.source, inputs.surface, on)
     found = [
+        *stages.start_stages(),
         *stages.surface_stages(scene, inputs.source),
         *stages.ray_stages(scene, inputs.surface),
         *stages.wave_stages(scene, inputs.surface),
         *stages.verdict_stages(scene),
         *stages.output_stages(scene),
     ]
-    return Plan(scene.name, tuple(found), tuple(warnings_of(scene, inputs)))
+    made = stages.with_forecasts(found, expected)
+    return Plan(scene.name, tuple(made), tuple(warnings_of(scene, inputs, expected)), str(on))

@@ -2,40 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..assembly import Inputs
+from ..assembly import Inputs, wave_groups
 from ..scene import Light, Scene
-from ..surface import Heightfield
 from ..validity import wave_warnings
-from .rough import wave_seconds
+from .forecast import Forecast
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
-def warnings_of(scene: Scene, inputs: Inputs) -> list[str]:
+def warnings_of(scene: Scene, inputs: Inputs, expected: Mapping[str, Forecast]) -> list[str]:
     found: list[str] = []
     scalar = [t for t in scene.wave.theory if t != "full-wave"] if scene.wave is not None else []
     if inputs.surface is not None and scene.wave is not None and scalar:
         found += wave_warnings(inputs.surface, scalar, scene.light, _largest_theta_o(scene), scene.wave.shadowing)
-        found += _long(scene, inputs.surface)
+        found += _long(scene, expected)
     if inputs.measured is not None and scene.light is not None:
         found += _measured_warnings(inputs.measured, scene.light)
     return found
 
 
-def _long(scene: Scene, surface: Heightfield) -> list[str]:
-    """A line where the waves are long work, and whether they would be begun at all."""
+def _long(scene: Scene, expected: Mapping[str, Forecast]) -> list[str]:
+    """A line where the scalar waves are long work, and whether they would be begun at all."""
     from ..wave import cost
+    from ..wave.theories import THEORIES
 
-    expected = wave_seconds(scene, surface)
-    if expected <= cost.WARN_SECONDS:
+    groups = [name for name, theory in wave_groups(scene).items() if theory in THEORIES]
+    seconds = sum(expected[name].seconds for name in groups if name in expected)
+    if seconds <= cost.WARN_SECONDS:
         return []
-    refused = f"; more than {cost.MOST_SECONDS / 3600:.0f} h are refused" if expected > cost.MOST_SECONDS else ""
-    return [f"waves: {cost.remedy(expected)}{refused}"]
+    refused = f"; more than {cost.MOST_SECONDS / 3600:.0f} h are refused" if seconds > cost.MOST_SECONDS else ""
+    return [f"waves: {cost.remedy(seconds)}{refused}"]
 
 
 def _largest_theta_o(scene: Scene) -> float:

@@ -1,49 +1,141 @@
-"""What a plan is: stages, each needed or left out with its reason, and warnings; as text, table and JSON."""
+"""What a plan is: stages, each needed or left out with reason and forecast, and warnings; as text, table and JSON."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 
 @dataclass(frozen=True)
 class Stage:
-    """One step: needed or left out, and why; the library it loads and what it costs, roughly."""
+    """One step: needed or left out, and why; the library it loads and what it does.
+
+    part : of the run that it belongs to, the first stage of which has the forecast of all:
+    seconds : wall-clock;  memory_bytes : of the whole process meanwhile
+    error : that the solver will state: of rays the relative standard error, of waves the numerical one
+    """
 
     name: str
     needed: bool
     why: str
     library: str = ""
     cost: str = ""
+    part: str = ""
+    seconds: float | None = None
+    memory_bytes: float | None = None
+    error: float | None = None
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The stages of a scene in order, and warnings about where its numbers should not be trusted."""
+    """The stages of a scene in order, and warnings about where its numbers should not be trusted.
+
+    machine : whose speeds the seconds are;  chosen : settings taken for `max_seconds` and `tol`, by key of the scene
+    alternatives : what other settings would have cost, rows of settings, seconds and error
+    """
 
     title: str
     stages: tuple[Stage, ...]
     warnings: tuple[str, ...] = ()
+    machine: str = ""
+    chosen: Mapping[str, Any] = field(default_factory=dict)
+    alternatives: tuple[Mapping[str, Any], ...] = ()
 
     def needs(self, name: str) -> bool:
         """Is the stage of that name done? False as well for a stage that is not in the plan."""
         return any(s.name == name and s.needed for s in self.stages)
 
+    @property
+    def seconds(self) -> float:
+        """Of all stages, from starting Python to the page."""
+        return sum(s.seconds or 0.0 for s in self.stages)
+
+    @property
+    def memory_bytes(self) -> float:
+        """The most that the process holds at a time."""
+        return max((s.memory_bytes or 0.0 for s in self.stages), default=0.0)
+
+    @property
+    def error(self) -> float | None:
+        """The largest of the errors that the solvers will state."""
+        return max((s.error for s in self.stages if s.error is not None), default=None)
+
+    def parts(self) -> dict[str, dict[str, float | None]]:
+        """Part of the run → seconds, memory_bytes and error that are expected of it."""
+        return {
+            s.part: {"seconds": s.seconds, "memory_bytes": s.memory_bytes, "error": s.error}
+            for s in self.stages
+            if s.needed and s.part and s.seconds is not None
+        }
+
     def rows(self) -> list[dict[str, Any]]:
-        """One dictionary a stage: name, needed, why, library, cost."""
+        """One dictionary a stage: the fields of `Stage`."""
         return [asdict(s) for s in self.stages]
 
     def to_dict(self) -> dict[str, Any]:
-        return {"title": self.title, "stages": self.rows(), "warnings": list(self.warnings)}
+        return {
+            "title": self.title,
+            "stages": self.rows(),
+            "warnings": list(self.warnings),
+            "seconds": self.seconds,
+            "memory_bytes": self.memory_bytes,
+            "error": self.error,
+            "machine": self.machine,
+            "chosen": dict(self.chosen),
+            "alternatives": [dict(a) for a in self.alternatives],
+        }
 
     def to_json(self) -> str:
         return json.dumps(self.to_dict(), ensure_ascii=False)
 
+    def table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+        """Columns, and the cells of all stages with the totals as a last row."""
+        columns = ("done", "stage", "time", "memory", "error", "what and why", "library")
+        rows = [
+            (
+                "yes" if s.needed else "no",
+                s.name,
+                *figures(s.seconds, s.memory_bytes, s.error),
+                "; ".join(t for t in (s.cost, s.why) if t),
+                s.library,
+            )
+            for s in self.stages
+        ]
+        return columns, [*rows, ("", "in all", *figures(self.seconds, self.memory_bytes, self.error), "", "")]
+
     def __str__(self) -> str:
-        cells = [("", "stage", "library", "cost", "why")]
-        cells += [("+" if s.needed else "-", s.name, s.library, s.cost, s.why) for s in self.stages]
-        widths = [max(len(row[i]) for row in cells) for i in range(4)]
-        lines = [f"Plan of {self.title}   (+ is done, - is left out)"]
-        lines += ["  ".join([*(c.ljust(w) for c, w in zip(row, widths)), row[4]]).rstrip() for row in cells]
+        columns, rows = self.table()
+        cells = [columns, *rows]
+        order = (0, 1, 2, 3, 4, 6, 5)
+        widths = [max(len(row[i]) for row in cells) for i in order[:-1]]
+        lines = [f"Plan of {self.title}"]
+        lines += ["  ".join([*(row[i].ljust(w) for i, w in zip(order, widths)), row[5]]).rstrip() for row in cells]
+        lines += [f"times: {self.machine}"] if self.machine else []
         return "\n".join([*lines, *(f"warning: {w}" for w in self.warnings)])
+
+
+def figures(seconds: float | None, memory_bytes: float | None, error: float | None) -> tuple[str, str, str]:
+    """Two digits of each, with its unit; empty where there is none."""
+    return (
+        duration(seconds),
+        "" if memory_bytes is None else _size(memory_bytes),
+        "" if error is None else _percent(error),
+    )
+
+
+def duration(seconds: float | None) -> str:
+    if seconds is None:
+        return ""
+    if seconds < 120:
+        return f"{seconds:.1f} s" if seconds < 9.95 else f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+
+
+def _size(count: float) -> str:
+    return f"{count / 1e6:.0f} MB" if count < 0.9995e9 else f"{count / 1e9:.1f} GB"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share < 0.995 else "100 %"

@@ -2,20 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from .. import assembly
 from ..scene import Light, Scene
 from ..surface import Heightfield
 from ..validity import expectations
+from .forecast import Forecast
 from .plans import Stage
-from .rough import wave_seconds
 from .sizes import detector_elements, refinement, result_groups
 
 # endings that vgonio reads by itself; everything else goes through SurfaceTopography
 OWN_FORMATS = (".npz", ".vgms", ".txt", ".asc", ".csv")
 FEWEST_FOR_SHIFT = 3  # wavelengths: a line through two points fits whatever they are
+
+
+def with_forecasts(stages: list[Stage], found: Mapping[str, Forecast]) -> list[Stage]:
+    """The same; the first stage that is needed of each part has the part's forecast."""
+    out, told = [], set[str]()
+    for s in stages:
+        if s.needed and s.part in found and s.part not in told:
+            told.add(s.part)
+            f = found[s.part]
+            s = replace(s, seconds=f.seconds, memory_bytes=f.memory_bytes, error=f.error, why=s.why + _speckle(f))
+        out.append(s)
+    return out
+
+
+def _speckle(f: Forecast) -> str:
+    return "" if f.speckle is None else f"; speckle of about {f.speckle:.2g} of a cone's brdf stays"
+
+
+def is_own_format(file: str) -> bool:
+    """Does vgonio read it by itself?"""
+    return Path(file).suffix.lower() in OWN_FORMATS
+
+
+def start_stages() -> list[Stage]:
+    return [Stage("start", True, "Python and what every run needs", "numpy, xarray", part="start")]
 
 
 def _left_out(names: Iterable[str], why: str) -> list[Stage]:
@@ -29,11 +55,11 @@ def surface_stages(scene: Scene, source: Heightfield | None) -> list[Stage]:
 
     asked, size = scene.surface, describe_import(source)
     if asked.file is not None:
-        path = Path(asked.file)
-        library = "numpy" if path.suffix.lower() in OWN_FORMATS else "SurfaceTopography"
-        first = Stage("read surface", True, path.name, library, size)
+        library = "numpy" if is_own_format(asked.file) else "SurfaceTopography"
+        first = Stage("read surface", True, Path(asked.file).name, library, size, "surface")
     else:
-        first = Stage("generate surface", True, f"kind {asked.generate['kind']!r}, no file", "numpy", size)  # type: ignore[index]
+        kind = (asked.generate or {})["kind"]
+        first = Stage("generate surface", True, f"kind {kind!r}, no file", "numpy", size, "surface")
     level = assembly.levelling(scene, source)
     wanted = asked.filter is not None and (asked.filter.s_um or asked.filter.l_um)
     cut_offs = ", ".join(f"{k} = {v:g} µm" for k, v in (asked.filter or {}) if v) if wanted else ""
@@ -51,6 +77,7 @@ def surface_stages(scene: Scene, source: Heightfield | None) -> list[Stage]:
             f"ISO 16610 Gaussian, {cut_offs}" if wanted else "no filter asked for",
             "scipy" if wanted else "",
         ),
+        Stage("describe", True, "statistics of the surface, for the result", "scipy", part="surface summary"),
     ]
 
 
@@ -61,16 +88,15 @@ def ray_stages(scene: Scene, surface: Heightfield | None) -> list[Stage]:
     facets = 2 * surface.shape[0] * surface.shape[1]
     angles = len(scene.light.theta_i_deg)
     cap = f", at most (tol = {asked.tol:g})" if asked.tol else ""
-    # 24 B a vertex in double precision, 12 B of indices and about 100 B of Embree's hierarchy a facet
-    memory = facets * (12 + 12 + 100) / 1e6
     return [
-        Stage("mesh", True, "facets for the rays", "numpy", f"{facets:,} facets, {memory:.0f} MB"),
+        Stage("mesh", True, "facets for the rays", "numpy", f"{facets:,} facets"),
         Stage(
             "trace",
             True,
             "one trace serves all wavelengths",
             {"embree": "embreex", "warp": "warp-lang"}.get(asked.tracer, "numpy"),
             f"{asked.rays * angles:,} rays: {asked.rays:,} × {angles} angles{cap}{_rays_beside(scene)}",
+            "rays",
         ),
     ]
 
@@ -84,10 +110,7 @@ def _rays_beside(scene: Scene) -> str:
     parts = []
     if asked.polarised:
         numbers = 16 * angles * elements * len(light.wavelength_nm)
-        # each with its error in double precision; measured: in plane few paths are caught, on a hemisphere all
-        whole = scene.detector is not None and scene.detector.theta_o_deg is None
-        slower = f", about {1 + 0.1 * len(light.wavelength_nm):.1f} times the seconds" if whole else ""
-        parts.append(f"Mueller matrices of {numbers:,} elements ({16 * numbers / 1e6:.1f} MB){slower}")
+        parts.append(f"Mueller matrices of {numbers:,} elements ({16 * numbers / 1e6:.1f} MB)")
     if asked.statistics:
         parts.append(f"statistics of {min(asked.rays, 50_000) * angles:,} rays more")
     if asked.refinement_check:
@@ -98,46 +121,61 @@ def _rays_beside(scene: Scene) -> str:
 def wave_stages(scene: Scene, surface: Heightfield | None) -> list[Stage]:
     if scene.wave is None or scene.light is None or surface is None:
         return _left_out(("interpolate", "transform"), "the scene has no [wave]")
-    from ..wave.coherence import tile
-
     light = scene.light
-    scalar = [t for t in scene.wave.theory if t not in ("full-wave", "iterated-kirchhoff")]
-    rigorous = [_full_wave_stage(scene, surface)] if "full-wave" in scene.wave.theory else []
-    rigorous += [_iterated_stage(scene, surface)] if "iterated-kirchhoff" in scene.wave.theory else []
-    if not scalar:
-        return [*_left_out(("interpolate", "transform"), "no theory asked for integrates the surface once"), *rigorous]
-    count = len(light.theta_i_deg) * len(light.wavelength_nm) * detector_elements(scene) * len(scalar)
-    windows = len(tile(surface, light.coherence_um))
-    library = {"opencl": "pyopencl", "reference": "numpy"}.get(scene.wave.method, "finufft")
+    of_theory = {
+        "full-wave": _full_wave_stage,
+        "iterated-kirchhoff": _iterated_stage,
+    }
+    made = [
+        of_theory.get(theory, _transform_stage)(scene, surface, theory, group)
+        for group, theory in assembly.wave_groups(scene).items()
+    ]
+    if all(s.name != "transform" for s in made):
+        return [*_left_out(("interpolate", "transform"), "no theory asked for integrates the surface once"), *made]
     refined = refinement(surface, light.wavelength_nm)
+    what = f"the {surface.interpolation} surface between its samples"
+    cost = f"about {refined} points per sample and axis"
     return [
-        Stage(
-            "interpolate",
-            True,
-            f"the {surface.interpolation} surface between its samples",
-            "scipy",
-            f"about {refined} points per sample and axis",
-        ),
-        Stage(
-            "transform",
-            True,
-            ", ".join(scalar) + f", method {scene.wave.method!r}, tol = {scene.wave.tol:g}",
-            library,
-            f"{count:,} directions × wavelengths, {windows} coherence windows{_dearer(scene)}, "
-            f"{_duration(wave_seconds(scene, surface))}",
-        ),
+        Stage("interpolate", True, what, "scipy", cost),
+        *made,
         _trust_stage(surface, scene.wave.theory, light),
-        *rigorous,
     ]
 
 
-def _full_wave_stage(scene: Scene, surface: Heightfield) -> Stage:
+def _transform_stage(scene: Scene, surface: Heightfield, theory: str, group: str) -> Stage:
+    """The integral over the surface, of one scalar theory."""
+    from ..wave.coherence import WindowPlan
+
+    asked, gonio = scene.wave, assembly.gonioreflectometer(scene)
+    assert asked is not None
+    angles, wavelengths = len(gonio.incoming.theta_deg), len(scene.light.wavelength_nm if scene.light else ())
+    count = angles * wavelengths * detector_elements(scene)
+    plan = WindowPlan.of(surface, gonio.incoming.coherence_um, asked.windows)
+    library = {"opencl": "pyopencl", "reference": "numpy"}.get(asked.method, "finufft")
+    return Stage(
+        "transform",
+        True,
+        f"{theory}, method {asked.method!r}, tol = {asked.tol:g}",
+        library,
+        f"{count:,} directions × wavelengths, {windows_in_words(len(plan.windows), plan.independent)}{_dearer(scene)}",
+        group,
+    )
+
+
+def windows_in_words(count: int, independent: float) -> str:
+    """How many coherence windows, and how many they are worth since neighbours overlap."""
+    if count == 1:
+        return "1 coherence window"
+    return f"{count} overlapping coherence windows, worth {min(independent, count):.2g} independent ones"
+
+
+def _full_wave_stage(scene: Scene, surface: Heightfield, theory: str, group: str) -> Stage:
     """The rigorous solver; InputError for a surface that is no one-dimensional profile."""
     from ..wave.full_wave import forecast
 
-    expected = forecast(assembly.waves(scene, "full-wave"), surface, assembly.gonioreflectometer(scene).incoming)
+    expected = forecast(assembly.waves(scene, theory), surface, assembly.gonioreflectometer(scene).incoming)
     why = "rigorous, of a one-dimensional profile, TE and TM" + ("" if expected.affordable else ": TOO LARGE")
-    return Stage("full wave", expected.affordable, why, "scipy", str(expected))
+    return Stage("full wave", expected.affordable, why, "scipy", expected.size, group)
 
 
 def _trust_stage(surface: Heightfield, theories: list[str], light: Light) -> Stage:
@@ -151,18 +189,12 @@ def _trust_stage(surface: Heightfield, theories: list[str], light: Light) -> Sta
     return Stage("expected error", True, f"{most}; from rigorous gratings like this surface (docs/trust.md)")
 
 
-def _iterated_stage(scene: Scene, surface: Heightfield) -> Stage:
+def _iterated_stage(scene: Scene, surface: Heightfield, theory: str, group: str) -> Stage:
     from ..wave.iterated.forecast import forecast
 
-    solver = assembly.waves(scene, "iterated-kirchhoff")
+    solver = assembly.waves(scene, theory)
     what, cost = forecast(solver, surface, assembly.gonioreflectometer(scene).incoming)
-    return Stage("iterate", True, what, "numpy" if surface.is_profile else "pyopencl", cost)
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 2:
-        return "seconds"
-    return f"about {seconds:.0f} s" if seconds < 120 else f"about {seconds / 60:.0f} min"
+    return Stage("iterate", True, what, "numpy" if surface.is_profile else "pyopencl", cost, group)
 
 
 def _dearer(scene: Scene) -> str:
@@ -183,30 +215,29 @@ def _dearer(scene: Scene) -> str:
 def verdict_stages(scene: Scene) -> list[Stage]:
     results = result_groups(scene)
     file = scene.measured.file if scene.measured is not None else ""
-    measured = Stage(
-        "measured", bool(file), Path(file).name if file else "the scene has no [measured]", "numpy" if file else ""
-    )
+    why = Path(file).name if file else "the scene has no [measured]"
+    measured = Stage("measured", bool(file), why, "numpy" if file else "", part="surface")
     if not results:
         return [measured, *_left_out(("shift", "compare", "colour"), "no result to judge")]
     fitted = scene.light is None or len(scene.light.wavelength_nm) >= FEWEST_FOR_SHIFT
     few = f"fewer than {FEWEST_FOR_SHIFT} wavelengths"
-    shift = Stage(
-        "shift", fitted, f"linear shift of {', '.join(results)}" if fitted else few, "lmfit" if fitted else ""
-    )
+    why = f"linear shift of {', '.join(results)}" if fitted else few
+    shift = Stage("shift", fitted, why, "lmfit" if fitted else "", part="comparison")
     if len(results) < 2:
         return [measured, shift, *_left_out(("compare", "colour"), f"nothing to compare {results[0]} with")]
     why = " with ".join(results) if len(results) == 2 else ", ".join(results) + " with each other"
     return [
         measured,
         shift,
-        Stage("compare", True, why, "scipy", f"pairs: {len(results) * (len(results) - 1) // 2}"),
+        Stage("compare", True, why, "scipy", f"pairs: {len(results) * (len(results) - 1) // 2}", "comparison"),
         Stage("colour", True, "ΔE₀₀ and RGB of each result", "colour-science"),
     ]
 
 
 def output_stages(scene: Scene) -> list[Stage]:
     file, page = scene.output.file, scene.output.report
+    libraries = "matplotlib, jinja2" if page else ""
     return [
-        Stage("save", bool(file), str(file) if file else "no output.file", "h5netcdf" if file else ""),
-        Stage("report", bool(page), str(page) if page else "no output.report", "matplotlib, jinja2" if page else ""),
+        Stage("save", bool(file), str(file) if file else "no output.file", "h5netcdf" if file else "", part="save"),
+        Stage("report", bool(page), str(page) if page else "no output.report", libraries, part="report"),
     ]

@@ -29,6 +29,7 @@ class Content:
     provenance: Mapping[str, Any]
     scene: Any
     seconds: Mapping[str, float]
+    memory_bytes: Mapping[str, float]
 
     @staticmethod
     def of(tree: xr.DataTree, surface: Heightfield | xr.Dataset | None = None, plan: Any = None) -> Content:
@@ -52,6 +53,7 @@ class Content:
             mapping(a.get("provenance")),
             q.text(a.get("scene")),
             mapping(a.get("seconds")),
+            mapping(a.get("memory_bytes")),
         )
 
     @property

@@ -199,7 +199,7 @@ def error_section(content: Content) -> Section:
 
 def plan_section(content: Content) -> Section:
     made = Section("plan", "The plan, and what was left out", "Plan")
-    table = tables.plan_table(content.plan)
+    table = tables.plan_table(content.plan, content.seconds, content.memory_bytes)
     if table is None:
         made.missing = "the result carries no plan."
         return made

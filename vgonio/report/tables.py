@@ -153,8 +153,11 @@ def surface_parameters(surface: xr.Dataset) -> Table:
     return Table(("Parameter", "", "Value"), rows, numeric=(2,))
 
 
-def plan_table(plan: Mapping[str, Any]) -> Table | None:
-    """What was done and what was left out, with the reason; None for a plan without stages."""
+def plan_table(
+    plan: Mapping[str, Any], seconds: Mapping[str, float] | None = None, memory: Mapping[str, float] | None = None
+) -> Table | None:
+    """What was done and what was left out, with the reason, and what was expected beside what the part took; None for
+    a plan without stages."""
     stages = plan.get("stages") or []
     if not stages:
         return None
@@ -162,14 +165,21 @@ def plan_table(plan: Mapping[str, Any]) -> Table | None:
         (
             s["name"],
             "done" if s.get("needed") else "left out",
-            s.get("why", ""),
+            "; ".join(t for t in (s.get("cost"), s.get("why")) if t),
             s.get("library", ""),
-            s.get("cost", ""),
+            _took(s.get("seconds"), s.get("memory_bytes")),
+            _took((seconds or {}).get(s["part"]), (memory or {}).get(s["part"])) if s.get("seconds") else "",
         )
         for s in stages
     ]
     faded = tuple(i for i, s in enumerate(stages) if not s.get("needed"))
-    return Table(("Stage", "", "Why", "Library", "Rough cost"), rows, faded=faded)
+    return Table(("Stage", "", "What and why", "Library", "Expected", "Took"), rows, faded=faded)
+
+
+def _took(seconds: float | None, memory: float | None) -> str:
+    parts = ["" if seconds is None else f"{seconds:.2g} s" if seconds < 100 else f"{seconds:.0f} s"]
+    parts.append("" if not memory else f"{memory / 1e6:.0f} MB")
+    return ", ".join(p for p in parts if p)
 
 
 def provenance_table(provenance: Mapping[str, Any]) -> Table | None:

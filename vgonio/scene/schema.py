@@ -121,7 +121,7 @@ def _rules(scene: Json, tables: dict[str, Json]) -> None:
         "else": {"required": ["theta_o_deg"], "not": _any_of("resolution_deg")},
     }
     iterated = {"required": ["theory"], "properties": {"theory": _holding("iterated-kirchhoff")}}
-    tables["wave"]["dependencies"] = {"window_um": iterated, "windows": iterated}
+    tables["wave"]["dependencies"] = {"window_um": iterated}
 
 
 def _any_of(*keys: str) -> Json:

@@ -25,7 +25,7 @@ from ..directions import Detector as DetectorCheck
 from ..directions import Incoming, angle_list, wavelength_list
 from ..errors import InputError
 from ..surface.filter import FILLS, LEVELS
-from ..surface.heightfield import pitch_pair
+from ..surface.checks import pitch_pair
 from ..surface.interpolant import KINDS
 from ..units import to_um
 from .values import check_generator, checked, expand, not_offered, one_of, whole
@@ -195,7 +195,7 @@ class Wave(Table):
         known = {"kirchhoff", "iterated-kirchhoff"}
         if self.polarised and (not set(self.theory) <= known or self.fresnel != "half"):
             raise InputError('polarised = true is for "kirchhoff" and "iterated-kirchhoff" alone, without fresnel')
-        for key in ("window_um", "windows", "bounces"):
+        for key in ("window_um", "bounces"):
             value = getattr(self, key)
             if "iterated-kirchhoff" not in self.theory and value is not None and (key, value) != ("bounces", 1):
                 raise InputError(f'{key} = {value:g} is for theory = "iterated-kirchhoff", got {self.theory}')

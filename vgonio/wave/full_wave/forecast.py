@@ -27,12 +27,14 @@ class Forecast:
     def affordable(self) -> bool:
         return self.price.unknowns <= effort.MOST_UNKNOWNS
 
-    def __str__(self) -> str:
+    @property
+    def size(self) -> str:
+        """The systems that are solved, in words."""
         each = "" if self.windows == 1 else f" in each of {self.windows} windows"
-        return (
-            f"{self.price.unknowns:,} unknowns{each} at {self.wavelength_nm:g} nm, {self.price.bytes / 1e9:.2g} GB; "
-            f"about {self.seconds:.2g} s of a free core in all"
-        )
+        return f"{self.price.unknowns:,} unknowns{each} at {self.wavelength_nm:g} nm, {self.price.bytes / 1e9:.2g} GB"
+
+    def __str__(self) -> str:
+        return f"{self.size}; about {self.seconds:.2g} s of a free core in all"
 
 
 def forecast(solver: FullWave, surface: Heightfield, incoming: Incoming) -> Forecast:

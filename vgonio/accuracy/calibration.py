@@ -1,0 +1,181 @@
+"""The calibration of this machine: a small file of elementary speeds, from which plans forecast seconds and memory.
+
+It lies at $VGONIO_CALIBRATION, or else in the user's cache: $XDG_CACHE_HOME or ~/.cache, vgonio/calibration.json;
+VGONIO_CALIBRATION=off uses none. One file holds one machine and version, an entry for each number of threads.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ..errors import FileFormatError, InputError
+from ..files import written_whole
+from .built_in import BUILT_IN, MACHINE
+from .measuring import machine
+from .speeds import Speeds
+
+FORMAT = "vgonio calibration"
+COMMAND = "vgonio accuracy --calibrate"
+OFF = "off"
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Speeds of a machine at a number of threads;  why_not : the reason why they are not of this one, or empty"""
+
+    machine: str
+    threads: int
+    date: str
+    speeds: Speeds
+    why_not: str = ""
+
+    def __str__(self) -> str:
+        count = "1 thread" if self.threads == 1 else f"{self.threads} threads"
+        if not self.why_not:
+            return f"calibrated on this machine, {self.date[:10]}, {count}"
+        return f"figures of another machine ({self.machine}, {count}): {self.why_not}; `{COMMAND}` takes 20 s"
+
+
+def threads_used() -> int:
+    """Threads that a run takes: OMP_NUM_THREADS, which --threads sets, or all processors."""
+    asked = os.environ.get("OMP_NUM_THREADS", "")
+    return int(asked) if asked.isdigit() and int(asked) > 0 else os.cpu_count() or 1
+
+
+def calibration_path() -> Path | None:
+    """Where the calibration of this machine lies; None where it is turned off."""
+    named = os.environ.get("VGONIO_CALIBRATION", "")
+    if named:
+        return None if named == OFF else Path(named).expanduser()
+    home = os.environ.get("XDG_CACHE_HOME")
+    return (Path(home) if home else Path.home() / ".cache") / "vgonio" / "calibration.json"
+
+
+def calibrate(
+    save: bool = True,
+    clock: Callable[[], float] = time.perf_counter,
+    progress: Callable[[str, float], None] | None = None,
+) -> Calibration:
+    """Measure this machine with as many threads as a run takes (`threads_used`), about 15 s, and keep the result.
+
+    save : write `calibration_path()`, beside the entries of other numbers of threads
+    clock : time.perf_counter, or time.process_time for one thread on a machine that others use as well
+    progress : called as progress("calibration", fraction)
+
+    Raises InputError where there is nowhere to write to, FileFormatError where that cannot be written.
+    """
+    from .trials import TRIALS, measured
+
+    path = _writable() if save else None
+    threads, found = threads_used(), dict[str, Any]()
+    for n, some in enumerate(measured(clock, threads)):
+        found |= some
+        if progress:
+            progress("calibration", (n + 1) / TRIALS)
+    made = Calibration(_name(), threads, _now(), Speeds(**found))
+    if path is not None:
+        _write(made, path)
+    return made
+
+
+def calibration(threads: int | None = None) -> Calibration:
+    """The calibration of this machine for so many threads (None: `threads_used`); where there is none that fits, with
+    the reason in `why_not`, that of another number of threads, or the built-in figures of a named machine."""
+    threads = threads_used() if threads is None else threads
+    path = calibration_path()
+    try:
+        entries = _entries(path) if path is not None else {}
+        why = "" if entries else "VGONIO_CALIBRATION is off"
+    except FileFormatError as e:
+        entries, why = {}, str(e)
+    if threads in entries:
+        return entries[threads]
+    nearest = min(entries or BUILT_IN, key=lambda n: abs(math.log(n / threads)))
+    if entries:
+        kept = entries[nearest]
+        return Calibration(kept.machine, nearest, kept.date, kept.speeds, f"no calibration for {threads} threads")
+    return Calibration(MACHINE, nearest, "", BUILT_IN[nearest], why)
+
+
+def _entries(path: Path) -> dict[int, Calibration]:
+    """Threads → calibration of this machine and version; FileFormatError with the reason where there is none."""
+    from .. import __version__
+
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        if kept["format"] != FORMAT:
+            raise FileFormatError(f"{path} is no calibration")
+        if kept["version"] != __version__:
+            raise FileFormatError(f"the calibration is of version {kept['version']}")
+        if kept["machine"] != _name():
+            raise FileFormatError(f"the calibration is of another machine ({kept['machine']})")
+        return {
+            int(n): Calibration(kept["machine"], int(n), str(entry["date"]), speeds_of(entry["speeds"]))
+            for n, entry in kept["threads"].items()
+        }
+    except FileNotFoundError:
+        raise FileFormatError("this one is not calibrated") from None
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as e:
+        if isinstance(e, FileFormatError):
+            raise
+        raise FileFormatError(f"the calibration {path} is damaged") from None
+
+
+def speeds_of(kept: Mapping[str, Any]) -> Speeds:
+    """Speeds from plain values; ValueError, TypeError or KeyError unless all are there, positive and finite."""
+    plain = {f.name: float(kept[f.name]) for f in fields(Speeds) if f.name != "fixed"}
+    fixed = {str(part): (float(seconds), float(size)) for part, (seconds, size) in kept["fixed"].items()}
+    figures = [*plain.values(), *(seconds for seconds, _ in fixed.values())]
+    if not all(math.isfinite(v) and v > 0 for v in figures) or set(kept) != {*plain, "fixed"}:
+        raise ValueError("speeds have to be positive")
+    return Speeds(**plain, fixed=fixed)
+
+
+def _write(made: Calibration, path: Path) -> None:
+    from .. import __version__
+
+    try:
+        entries = _entries(path)
+    except FileFormatError:
+        entries = {}  # of another machine, damaged or absent
+    entries[made.threads] = made
+    kept = {
+        "format": FORMAT,
+        "version": __version__,
+        "machine": made.machine,
+        "threads": {str(n): {"date": e.date, "speeds": asdict(e.speeds)} for n, e in sorted(entries.items())},
+    }
+    with written_whole(path) as stream:
+        stream.write((json.dumps(kept, indent=1) + "\n").encode())
+
+
+def _writable() -> Path:
+    """Found out before the work, not after it."""
+    path = calibration_path()
+    if path is None:
+        raise InputError("VGONIO_CALIBRATION is off: unset it, or name a file in it, to keep a calibration")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as e:
+        raise FileFormatError(f"cannot make the folder {path.parent}: {e.strerror or e}") from None
+    if not os.access(path.parent, os.W_OK):
+        raise FileFormatError(f"cannot write {path}: {path.parent} is not writable")
+    return path
+
+
+def _name() -> str:
+    """What tells machines apart: processor and how many of it."""
+    found = machine(brief=True)
+    return f"{found['processor']}, {found['processors']} processors"
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")

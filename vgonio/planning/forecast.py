@@ -1,0 +1,20 @@
+"""Seconds, memory and error of one part of a run, from counts of its work and the speeds of a machine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+MB = 1e6
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """seconds : wall-clock, on a machine that does nothing else;  memory_bytes : beside what is there before
+    error : the figure that the solver states as `error_achieved`, None where there is none
+    speckle : relative standard error of the waves in the brightest cones, from the windows; None for other parts
+    """
+
+    seconds: float
+    memory_bytes: float
+    error: float | None = None
+    speckle: float | None = None

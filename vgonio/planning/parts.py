@@ -1,0 +1,136 @@
+"""Seconds, memory and error of every part of a run: what is fixed, libraries included, and what grows with the work."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from .. import assembly
+from ..accuracy.calibration import Calibration
+from ..accuracy.speeds import Speeds
+from ..scene import Scene
+from ..surface import Heightfield
+from .forecast import MB, Forecast
+from .sizes import detector_elements, result_groups
+
+# in units of the time that a point of a surface takes for its first phase (`Speeds.phase`), measured beside it
+READ, LEVEL, SUMMARY, SAMPLE_BYTES = 0.4, 4.0, 4.0, 60.0
+# of the time that the part takes in the smallest scene
+PAIR, FIGURE, MOST_FIGURES, RESULT = 0.15, 0.16, 13, 0.2
+FORMATS = (0.6, 20 * MB)  # loading SurfaceTopography, in units of the fixed time of saving, and its size
+CELL_BYTES = 100.0  # of a BRDF, its error and what else stands beside it, when it is saved
+KEPT, MOST_KEPT = 0.5, 80 * MB  # of a part's memory, that Python does not hand back
+SPACING_ERROR = 0.02  # of the iterated theory's points, 0.2 to 2 %: shadows' edges fall between them
+
+
+def forecasts(
+    scene: Scene, source: Heightfield | None, surface: Heightfield | None, on: Calibration
+) -> dict[str, Forecast]:
+    """Part of the run → its forecast; `memory_bytes` is that of the whole process while the part runs."""
+    speeds = on.speeds
+    found = {"start": Forecast(0.0, 0.0)}
+    if source is not None and surface is not None:
+        found["surface"] = _surface(scene, source, speeds)
+        found["surface summary"] = Forecast(SUMMARY * surface.z.size * speeds.phase, SAMPLE_BYTES * surface.z.size)
+    elif scene.measured is not None:
+        found["surface"] = Forecast(0.0, 0.0)
+    known = {} if surface is None else {k: f for k, f in _solvers(scene, surface, on) if f is not None}
+    return _with_fixed(found | known | _verdict(scene, speeds), speeds)
+
+
+def _solvers(scene: Scene, surface: Heightfield, on: Calibration) -> Iterator[tuple[str, Forecast | None]]:
+    """Groups of the result and the forecasts of their solvers, None for a solver of another kind."""
+    if scene.geometric is not None:
+        yield "rays", _rays(scene, surface, on)
+    for name, theory in assembly.wave_groups(scene).items():
+        yield name, _waves(scene, surface, theory, on.speeds)
+
+
+def _with_fixed(found: dict[str, Forecast], speeds: Speeds) -> dict[str, Forecast]:
+    """The same with libraries and Python in seconds and memory: what is loaded stays."""
+    out, base = dict[str, Forecast](), 0.0
+    for part, of in found.items():
+        kind = "waves" if part.startswith("waves") else part
+        seconds, size = speeds.fixed.get(kind, (0.0, 0.0))
+        if kind == "waves" and any(p.startswith("waves") for p in out):
+            seconds, size = 0.3 * seconds, 0.0
+        base += size
+        out[part] = Forecast(of.seconds + seconds, base + of.memory_bytes, of.error, of.speckle)
+        base += min(KEPT * of.memory_bytes, MOST_KEPT)
+    return out
+
+
+def _surface(scene: Scene, source: Heightfield, speeds: Speeds) -> Forecast:
+    asked, n = scene.surface, source.z.size
+    seconds, memory = READ * n * speeds.phase, SAMPLE_BYTES * n
+    if asked is not None and asked.file is not None:
+        from .stages import is_own_format
+
+        if not is_own_format(asked.file):
+            seconds += FORMATS[0] * speeds.fixed.get("save", (0.5, 0.0))[0]
+            memory += FORMATS[1]
+        if asked.filter is not None or assembly.levelling(scene, source) != "none":
+            seconds += LEVEL * n * speeds.phase
+    return Forecast(seconds, memory)
+
+
+def _rays(scene: Scene, surface: Heightfield, on: Calibration) -> Forecast | None:
+    from ..geometric import RayOptics
+    from .ray_forecast import ray_forecast
+
+    gonio, solver = assembly.gonioreflectometer(scene), assembly.rays(scene)
+    if not isinstance(solver, RayOptics):
+        return None
+    return ray_forecast(solver, surface, gonio.incoming, gonio.detector, on.speeds, on.threads)
+
+
+def _waves(scene: Scene, surface: Heightfield, theory: str, speeds: Speeds) -> Forecast | None:
+    from ..wave import FullWave, IteratedKirchhoff, Kirchhoff
+
+    gonio, solver = assembly.gonioreflectometer(scene), assembly.waves(scene, theory)
+    if isinstance(solver, FullWave):
+        from ..wave.full_wave import forecast
+
+        expected = forecast(solver, surface, gonio.incoming)
+        # for large systems the factorisation is what counts, and its speed was measured by itself
+        flops = FLOPS * expected.price.unknowns**3 * expected.windows * len(solver.wavelength_nm)
+        seconds = max(expected.seconds * speeds.kernel, flops * speeds.flop)
+        return Forecast(seconds, expected.price.bytes, solver.tol, 1 / np.sqrt(expected.windows))
+    if isinstance(solver, IteratedKirchhoff):
+        from ..wave.iterated.forecast import counts
+
+        n = counts(solver, surface, gonio.incoming)
+        pair = speeds.profile_pair if surface.is_profile else speeds.patch_pair
+        seconds = n.pairs * pair + n.far * speeds.far_term
+        memory = PROFILE_PAIR_BYTES * n.points**2 if surface.is_profile else PATCH_BYTES * n.points
+        return Forecast(seconds, memory, max(solver.tol, SPACING_ERROR), 1 / np.sqrt(n.independent))
+    if not isinstance(solver, Kirchhoff):
+        return None
+    from .wave_forecast import wave_forecast
+
+    return wave_forecast(solver, surface, gonio.incoming, gonio.detector, speeds)
+
+
+FLOPS = 0.67  # of n³: a factorisation of complex numbers, n unknowns, when half of them are eliminated
+PROFILE_PAIR_BYTES, PATCH_BYTES = 60.0, 2500.0
+
+
+def _verdict(scene: Scene, speeds: Speeds) -> dict[str, Forecast]:
+    """Comparison, saving, page."""
+    results = len(result_groups(scene))
+    angles = len(scene.light.theta_i_deg) if scene.light is not None else 5
+    wavelengths = len(scene.light.wavelength_nm) if scene.light is not None else 5
+    cells = float(results * angles * wavelengths * detector_elements(scene))
+    found = {}
+    if results:
+        of = speeds.fixed.get("comparison", (1.0, 0.0))[0]
+        found["comparison"] = Forecast(PAIR * of * max(results * (results - 1) / 2 - 1, 0), CELL_BYTES * cells)
+    if scene.output.file:
+        found["save"] = Forecast(2e-7 * cells, CELL_BYTES * cells)
+    if scene.output.report:
+        of = speeds.fixed.get("report", (1.0, 0.0))[0]
+        plane = scene.detector is not None and scene.detector.theta_o_deg is not None
+        figures = FIGURE * (min(angles, MOST_FIGURES) - 1) * plane + RESULT * (results - 2)
+        found["report"] = Forecast(max(of * figures, -0.4 * of), CELL_BYTES * cells + 3 * MB * angles)
+    return found

@@ -1,0 +1,204 @@
+"""What the rays will take: facets, rays, reflections and points, times a machine's speeds.
+
+How much light meets the surface again is taken from the slopes: each facet's reflection escapes as Smith (1967) has it
+for normally distributed slopes. The shares of the detector cones come from the same facets.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..accuracy.speeds import Speeds
+from ..directions import Detector, Incoming
+from ..geometric import RayOptics
+from ..geometric.sampling import BATCH, MARGIN, MOST_FACETS, MOST_FACETS_OF_BIG_MESHES, PATHS_MEMORY, POINTS_BESIDE_RAYS
+from ..surface import Heightfield
+from ..surface.mesh import KEPT_FACETS, profile_once
+from .forecast import MB, Forecast
+
+Floats = NDArray[np.float64]
+SAMPLED = 40_000  # facets whose reflections are looked at
+FACET_BYTES = 230.0  # a facet and its share of vertices, planes, hierarchy and counts
+THREAD_BYTES = 32 * MB  # the rays of a batch
+AGAIN = 1.4  # reflections of light that is reflected more than once, beside its first
+WALLS = 0.3  # share of light that walls send back to the surface, where slopes say nothing
+EACH_ANGLE = 0.07  # of what a facet costs in all, for every further angle of incidence
+FOLLOWED = 1.0  # rays that the look for starters of several reflections costs, to a facet
+STATISTICS = 50_000  # rays of the statistics at most
+TRIAL_RAYS = 40_000  # rays that find out whether a finite sample loses light through its sides
+LOOK = 4 * BATCH  # rays of a look at most
+LOOKS = 3  # angles of incidence that are looked at where a tolerance decides about the rays
+COUNTS = 1e-3  # of the largest value in the detector: what lies below does not count for the error
+LUCKY = 12.0  # times that points on starters find their way into the cones more often than rays
+
+
+@dataclass(frozen=True)
+class Angle:
+    """One angle of incidence. again : share of the light that meets the surface again;  open : share of facets whose
+    reflection could be stopped;  caught : (elements,) share of the light that single reflections send into each"""
+
+    again: float
+    open: float
+    caught: Floats
+
+
+def ray_forecast(
+    solver: RayOptics, surface: Heightfield, incoming: Incoming, detector: Detector, speeds: Speeds, threads: int
+) -> Forecast:
+    """Of `solver.scatter(surface, incoming, detector)`."""
+    facets, mirrored = _facets(solver, surface, incoming)
+    angles = [_angle(surface, incoming, i, detector) for i in range(len(incoming.theta_deg))]
+    by_facets = _by_facets(solver, facets, incoming, detector)
+    if solver.tol is None:
+        rays = [float(solver.rays)] * len(angles)
+        error = max(_error(solver, a, n, detector, by_facets) for a, n in zip(angles, rays))
+    else:
+        rays, error = _looked(solver, surface, incoming, detector)
+    seconds = facets * speeds.facet * (1 + EACH_ANGLE * (len(angles) - 1))
+    if not surface.periodic:
+        seconds += TRIAL_RAYS * (speeds.ray + speeds.hit)
+    for angle, n in zip(angles, rays):
+        seconds += _angle_seconds(solver, angle, n, facets, by_facets, incoming, len(detector), speeds)
+    memory = _bytes(solver, facets, len(detector), threads)
+    if solver.refinement_check:
+        seconds, memory = 2 * seconds + 3 * facets * speeds.facet, memory + 4 * facets * FACET_BYTES
+    return Forecast(float(seconds), float(memory), float(error))
+
+
+def _looked(
+    solver: RayOptics, surface: Heightfield, incoming: Incoming, detector: Detector
+) -> tuple[list[float], float]:
+    """Rays of every angle that the tolerance needs, and the error with them, from a first look at some angles.
+
+    No figure of the surface tells the error of the faintest cone that counts: only rays do.
+    """
+    first = min(solver.rays, LOOK)
+    which = np.unique(np.linspace(0, len(incoming.theta_deg) - 1, LOOKS).round().astype(np.int64))
+    short = replace(solver, rays=first, polarised=False, statistics=False, refinement_check=False, progress=None)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        data = short.scatter(surface, replace(incoming, theta_deg=np.asarray(incoming.theta_deg)[which]), detector)
+    counts = (data["brdf"] > 0) & (data["brdf"] >= COUNTS * data["brdf"].max(detector.dims))
+    errors = (data["brdf_stderr"] / data["brdf"]).where(counts).max([*detector.dims, "wavelength"]).fillna(1.0).values
+    tol = float(solver.tol or 1.0)
+    taken = data["rays"].values
+    rays = np.where(errors <= tol, taken, np.clip(MARGIN * taken * (errors / tol) ** 2, taken, solver.rays))
+    error = float(np.max(errors * np.sqrt(taken / rays)))
+    # between the angles that were looked at: a straight line of the logarithm
+    return np.exp(np.interp(np.arange(len(incoming.theta_deg)), which, np.log(rays))).tolist(), error
+
+
+def _facets(solver: RayOptics, surface: Heightfield, incoming: Incoming) -> tuple[float, bool]:
+    """Facets of the mesh, and whether a finite sample is too small for a guard band and is mirrored."""
+    once = profile_once(surface)
+    cells = float(np.prod(np.maximum(np.array(once.shape) - (0 if surface.periodic else 1), 1)))
+    facets = 2 * cells * solver.refinement**2 * (2 if surface.interpolation == "nearest" else 1)
+    if surface.periodic or solver.edges == "guard":
+        return facets, False
+    reach = float(np.ptp(surface.z)) * np.tan(np.deg2rad(np.abs(incoming.theta_deg)).max()) * 1.001
+    size = np.array(surface.size_um)[::-1]
+    along = np.abs([np.cos(np.deg2rad(incoming.phi_deg)), np.sin(np.deg2rad(incoming.phi_deg))])
+    left = 0.5 * (size - reach * along)
+    mirrored = solver.edges == "mirror" or bool(np.any(left < 0.05 * size))
+    return facets * (4 if mirrored else 1), mirrored
+
+
+def _slopes(surface: Heightfield) -> tuple[Floats, Floats]:
+    """(n,) slopes along x and y of some facets, evenly spread."""
+    z = surface.z
+    dx = (np.roll(z, -1, axis=1) - z)[:, :-1] if z.shape[1] > 1 else np.zeros_like(z)
+    dy = (np.roll(z, -1, axis=0) - z)[:-1] if z.shape[0] > 1 else np.zeros_like(z)
+    rows, columns = max(min(dx.shape[0], dy.shape[0]), 1), min(dx.shape[1], dy.shape[1])
+    zx, zy = dx[:rows, :columns].ravel() / surface.dx, dy[:rows, :columns].ravel() / surface.dy
+    some = np.linspace(0, len(zx) - 1, min(len(zx), SAMPLED)).astype(np.int64)
+    return zx[some], zy[some]
+
+
+def _angle(surface: Heightfield, incoming: Incoming, i: int, detector: Detector) -> Angle:
+    walls = surface.interpolation == "nearest"
+    zx, zy = _slopes(surface)
+    if walls:
+        zx, zy = np.zeros(1), np.zeros(1)
+    wi = incoming.vectors[i]
+    normal = np.stack([-zx, -zy, np.ones_like(zx)], axis=1) / np.sqrt(1 + zx**2 + zy**2)[:, None]
+    cosine = normal @ wi
+    weight = np.maximum(cosine, 0) / normal[:, 2]
+    weight = weight / max(weight.sum(), 1e-300)
+    away = 2 * cosine[:, None] * normal - wi
+    alpha = max(float(np.sqrt(np.mean(zx**2 + zy**2))), 1e-9)  # √2 of the slope along one axis
+    steepest = float(np.max(np.hypot(zx, zy)))
+    across = np.hypot(away[:, 0], away[:, 1])
+    stopped = (away[:, 2] <= steepest * across) & (weight > 0)
+    escapes = np.where(away[:, 2] <= 0, 0.0, _smith(away[:, 2] / np.maximum(across, 1e-12), alpha))
+    again = float(np.sum(weight * np.where(stopped, 1 - escapes, 0.0)))
+    up = np.flatnonzero((away[:, 2] > 0) & (weight > 0))
+    ray, element = detector.catch(away[up])
+    caught = np.bincount(element, (weight * escapes)[up[ray]], len(detector)).astype(np.float64)
+    share = WALLS * float(np.ptp(surface.z) > 0) if walls else again
+    return Angle(share, 1.0 if walls and share else float(np.mean(stopped)), caught)
+
+
+def _smith(cotangent: Floats, alpha: float) -> Floats:
+    """Share that escapes in a direction of that elevation; Smith (1967), rational form of Walter et al. (2007)."""
+    a = np.minimum(cotangent / alpha, 1.6)
+    return np.minimum((3.535 * a + 2.181 * a**2) / (1 + 2.276 * a + 2.577 * a**2), 1.0)
+
+
+def _by_facets(solver: RayOptics, facets: float, incoming: Incoming, detector: Detector) -> bool:
+    """Whether light is sent onto chosen facets, the solver's estimator "facets"."""
+    if solver.estimator == "binning" or detector.kind != "in-plane" or incoming.divergence_deg:
+        return False
+    most = MOST_FACETS if facets <= KEPT_FACETS else MOST_FACETS_OF_BIG_MESHES
+    return solver.estimator == "facets" or facets <= most * solver.rays
+
+
+def _angle_seconds(
+    solver: RayOptics, angle: Angle, rays: float, facets: float, by_facets: bool, incoming: Incoming, elements: int,
+    speeds: Speeds,
+) -> float:  # fmt: skip
+    wavelengths = len(solver.wavelength_nm)  # type: ignore[arg-type]
+    further = AGAIN * angle.again * speeds.hit * (1 + 0.01 * wavelengths)
+    seconds = rays * (speeds.ray + further)
+    if incoming.divergence_deg:  # ray by ray
+        seconds = rays * (speeds.hit + further)
+    if by_facets and angle.open > 0:
+        seconds += rays / POINTS_BESIDE_RAYS * speeds.point
+        if angle.again > 0 and facets <= min(2 * rays, KEPT_FACETS):
+            seconds += rays / POINTS_BESIDE_RAYS * speeds.point + FOLLOWED * facets * angle.open * speeds.ray
+    if solver.polarised:
+        caught = float(angle.caught.sum()) + angle.again / 2
+        seconds += rays * min(caught, 1.0) * wavelengths * speeds.mueller
+    if solver.statistics:
+        seconds += min(rays, STATISTICS) * speeds.hit * (1 + angle.again)
+    return seconds
+
+
+def _error(solver: RayOptics, angle: Angle, rays: float, detector: Detector, by_facets: bool) -> float:
+    """Largest relative standard error of the cones that count."""
+    several = angle.again * detector.projected_solid_angle / np.pi
+    single = angle.caught
+    total = single + several
+    counts = total >= COUNTS * total.max(initial=0.0)
+    if not counts.any() or total.max() == 0:
+        return 1.0
+    if not by_facets:
+        return float(np.max(1 / np.sqrt(np.maximum(rays * total[counts], 1.0))))
+    of_rays = several[counts] / (LUCKY * rays)
+    # of facets seen in part alone: some of those whose light could be stopped
+    of_points = single[counts] ** 2 * 0.05 * angle.open * angle.again * np.count_nonzero(counts) * 4 / rays
+    return float(np.max(np.sqrt(of_rays + of_points) / total[counts]))
+
+
+def _bytes(solver: RayOptics, facets: float, elements: int, threads: int) -> float:
+    """Memory of mesh, batches and tallies."""
+    wavelengths = len(solver.wavelength_nm)  # type: ignore[arg-type]
+    tally = 16.0 * solver.bounces * elements * wavelengths
+    held = THREAD_BYTES
+    if solver.polarised:
+        tally += 16 * 16.0 * elements * wavelengths
+        held += PATHS_MEMORY
+    return facets * FACET_BYTES + threads * held + (2 * threads + 4) * tally
