@@ -225,7 +225,7 @@ def test_a_file_that_is_no_toml_is_named(tmp_path, content):
 def test_a_missing_scene_and_a_folder_are_named(tmp_path):
     with pytest.raises(FileFormatError, match="no such scene file"):
         load_scene(tmp_path / "none.toml")
-    with pytest.raises(FileFormatError, match="cannot read scene"):
+    with pytest.raises(FileFormatError, match="is a folder: a scene file is needed"):
         load_scene(tmp_path)
 
 

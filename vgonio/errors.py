@@ -12,10 +12,15 @@ from typing import Any
 
 #: How many names a message lists: a line of a hundred materials helps nobody.
 MOST_NAMES = 25
+# of a message: what is wrong stands at its beginning, what to do at its end
+MOST_LETTERS = 1000
 
 
 class VgonioError(Exception):
-    """Base of all errors that the input, not the program, is responsible for."""
+    """Base of all errors that the input, not the program, is responsible for. A message is one line, not too long."""
+
+    def __init__(self, message: object = "", *more: object) -> None:
+        super().__init__(one_line(message), *more)
 
 
 class InputError(VgonioError, ValueError):
@@ -40,6 +45,12 @@ class ToleranceError(VgonioError, RuntimeError):
 
 class VgonioWarning(UserWarning):
     """Something implausible that the program goes on with."""
+
+
+def one_line(text: object) -> str:
+    """A message without line ends and unprintable characters; a long one, which quotes a file, without its middle."""
+    line = "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in str(text))
+    return line if len(line) <= MOST_LETTERS else f"{line[: MOST_LETTERS * 2 // 3]} … {line[-MOST_LETTERS // 3 :]}"
 
 
 def nearest(name: object, known: Iterable[str]) -> str:

@@ -377,7 +377,7 @@ def test_a_scene_may_list_its_values_in_any_order(folder):
 
 
 def test_a_folder_in_place_of_a_result(refused):
-    assert "no such result file" in refused("report", ".")
+    assert "is a folder: a result file is needed" in refused("report", ".")
 
 
 def test_a_truncated_result(refused, folder):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ..errors import FileFormatError, InputError
+from ..files import json_of
 from .common import Json, Quiet, Threads, print_json, print_table, progress_bars, say
 
 if TYPE_CHECKING:
@@ -170,8 +170,8 @@ def _fit(path: Path) -> Any:
 
     if path.suffix.lower() == ".json" and path.is_file():
         try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            content = json_of(path, "fit")
+        except FileFormatError:
             return None
         return open_fit(path) if isinstance(content, dict) and content.get("format") == FORMAT else None
     if path.suffix.lower() in (".nc", ".h5") and path.is_file():

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..directions import Detector, wavelength_list
 from ..errors import FileFormatError, InputError
-from ..files import written_whole
+from ..files import json_of, written_whole
 from ..measure import storage
 from ..models import evaluate, find, physics
 
@@ -107,12 +107,16 @@ def open_fit(path: str | os.PathLike[str]) -> xr.Dataset:
         fit = _from_json(path)
     if fit.attrs.get("method") != "fit":
         raise FileFormatError(f"{path} holds no fitted model: its attribute 'method' is not 'fit'")
+    try:
+        fit_parameters(fit)
+    except (ValueError, KeyError, TypeError) as e:
+        raise FileFormatError(f"{path} is a damaged fit: its parameters cannot be read ({e})") from None
     return fit
 
 
 def _from_json(path: Path) -> xr.Dataset:
+    found = json_of(path, "fit")
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
         if found.get("format") != FORMAT:
             raise FileFormatError(f"{path} is no fit of vgonio: its 'format' is not {FORMAT!r}")
         return xr.Dataset(
@@ -123,8 +127,6 @@ def _from_json(path: Path) -> xr.Dataset:
             coords=found["coords"],
             attrs=found["attrs"],
         )
-    except OSError as e:
-        raise FileFormatError(f"cannot read {path}: {e.strerror or e}") from None
     except (ValueError, KeyError, TypeError, AttributeError) as e:
         if isinstance(e, FileFormatError):
             raise

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FileFormatError, InputError, VgonioWarning
-from ..files import written_whole
-from .csv_files import scaled, unit_factor
+from ..files import text_of, written_whole
+from .csv_files import scaled, unit_factor, unit_of_file
 from .readings import Readings
 
 Floats = NDArray[np.float64]
@@ -37,7 +37,7 @@ def read_cgats(path: Path, full_scale: float | None = None, unit: str | None = N
 
     Raises FileFormatError where fields, rows or spectra are missing.
     """
-    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    text = text_of(path, "table of readings", errors="replace")
     tokens = [t for t in TOKEN.findall(text) if not t.startswith("#")]
     argyll = tokens[0].upper().startswith("CTI3")
     head, fields, rows = _table(path, tokens[1:])
@@ -52,7 +52,7 @@ def read_cgats(path: Path, full_scale: float | None = None, unit: str | None = N
     nm = _exact(head, np.array(sorted(bands)))
     values = _values(path, rows, [*(names.index(c) for c in RGB), *(bands[w] for w in sorted(bands))])
     given = full_scale if full_scale is not None else (100.0 if argyll else _keyword(head, "RGB_FULL_SCALE"))
-    spectra = values[:, 3:] * _factor(head, argyll, unit)
+    spectra = values[:, 3:] * _factor(path, head, argyll, unit)
     found = Readings(scaled(values[:, :3], given, str(path)), spectra, nm, head.get("EYE", ""))
     _compare_luminance(path, found, head)
     return [found]
@@ -96,7 +96,7 @@ def _table(path: Path, tokens: list[str]) -> tuple[dict[str, str], list[str], li
     if not fields or not data or len(data) % len(fields):
         raise FileFormatError(f"{path}: {len(data)} values do not fill rows of {len(fields)} fields")
     rows = [data[i : i + len(fields)] for i in range(0, len(data), len(fields))]
-    if stated.isdigit() and int(stated) != len(rows):
+    if stated.isdecimal() and stated.lstrip("0") != str(len(rows)):
         raise FileFormatError(f"{path}: NUMBER_OF_SETS is {stated}, there are {len(rows)} rows")
     return head, fields, rows
 
@@ -119,9 +119,10 @@ def _keyword(head: dict[str, str], name: str) -> float | None:
         return None
 
 
-def _factor(head: dict[str, str], argyll: bool, unit: str | None) -> float:
+def _factor(path: Path, head: dict[str, str], argyll: bool, unit: str | None) -> float:
     """What brings the numbers of the file to W/(sr m² nm)."""
-    factor = unit_factor(unit or head.get("SPECTRAL_UNIT") or ("mW/(sr m2 nm)" if argyll else "W/(sr m2 nm)"))
+    stated = head.get("SPECTRAL_UNIT") or ("mW/(sr m2 nm)" if argyll else "W/(sr m2 nm)")
+    factor = unit_factor(unit) if unit else unit_of_file(path, stated)
     if head.get("NORMALIZED_TO_Y_100", "").upper() == "YES":
         factor *= (_luminance(head) or 100.0) / 100
     return factor

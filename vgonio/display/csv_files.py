@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FileFormatError, InputError, nearest
-from ..files import written_whole
+from ..files import text_of, written_whole
 from .readings import Readings, check_bits
 
 Floats = NDArray[np.float64]
@@ -37,6 +37,14 @@ def unit_factor(unit: str) -> float:
     if key not in UNITS:
         raise InputError(f"unit {unit!r} is unknown: {nearest(key, UNITS)}")
     return UNITS[key]
+
+
+def unit_of_file(path: Path, unit: str) -> float:
+    """The same for a unit that a file states; FileFormatError for an unknown one."""
+    try:
+        return unit_factor(unit)
+    except InputError as e:
+        raise FileFormatError(f"{path}: {e}") from None
 
 
 def scaled(rgb: Floats, full_scale: float | None, where: str) -> Floats:
@@ -62,9 +70,9 @@ def read_csv(path: Path, full_scale: float | None = None, unit: str | None = Non
 
     Raises FileFormatError with the line where the file departs from it.
     """
-    text = path.read_text(encoding="utf-8-sig")
+    text = text_of(path, "table of readings")
     found = dict(re.findall(r"^#\s*(unit|full scale)\s*:\s*(.+?)\s*$", text, flags=re.M | re.I))
-    factor = unit_factor(unit or found.get("unit", "W/(sr m2 nm)"))
+    factor = unit_factor(unit) if unit else unit_of_file(path, found.get("unit", "W/(sr m2 nm)"))
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
     if len(lines) < 2:
         raise FileFormatError(f"{path} holds no readings: a head R,G,B,380,… and a row for each are needed")

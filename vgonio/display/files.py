@@ -6,7 +6,8 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..errors import FileFormatError, InputError
+from ..errors import InputError
+from ..files import text_of
 from .cgats import is_cgats, read_cgats, write_cgats
 from .csv_files import read_csv, write_csv
 from .readings import Readings
@@ -21,13 +22,8 @@ def read(path: str | os.PathLike[str], full_scale: float | None = None, unit: st
     Raises FileFormatError for a file that is neither or damaged.
     """
     path = Path(path)
-    try:
-        beginning = path.read_bytes()[:200].decode("utf-8", errors="replace")
-        return (read_cgats if is_cgats(beginning) else read_csv)(path, full_scale, unit)
-    except OSError as e:
-        raise FileFormatError(f"cannot read {path}: {e.strerror or e}") from None
-    except UnicodeDecodeError:
-        raise FileFormatError(f"{path} is no text file: readings are CSV or CGATS") from None
+    beginning = text_of(path, "table of readings (CSV or CGATS)", errors="replace")[:200]
+    return (read_cgats if is_cgats(beginning) else read_csv)(path, full_scale, unit)
 
 
 def write(path: str | os.PathLike[str], readings: Sequence[Readings], full_scale: float = 255) -> Path:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..compare.colour import _colour
 from ..errors import FileFormatError, InputError, nearest
+from ..files import is_file, text_of
 
 Floats = NDArray[np.float64]
 NAMES = ("colorchecker", "cie-224")
@@ -42,7 +43,7 @@ def patches(name: str | os.PathLike[str]) -> Patches:
         return Patches(tuple(data), np.asarray(first.wavelengths, float), np.array([s.values for s in data.values()]))
     if str(name) == "cie-224":
         return _cie_224()
-    if not Path(name).is_file():
+    if not is_file(Path(name)):
         raise InputError(f"patches {str(name)!r} are neither a file nor known: {nearest(name, NAMES)}")
     return _from_csv(Path(name))
 
@@ -59,13 +60,13 @@ def _cie_224() -> Patches:
 
 def _from_csv(path: Path) -> Patches:
     try:
-        rows = [line.split(",") for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
+        rows = [line.split(",") for line in text_of(path, "table of patches").splitlines() if line.strip()]
         rows = [row for row in rows if not row[0].startswith("#")]
         if len(rows) < 2:
             raise ValueError("it is empty" if not rows else "it has a head alone")
         nm = np.array([float(x) for x in rows[0][1:]])
         values = np.array([[float(x) for x in row[1:]] for row in rows[1:]])
-    except (ValueError, IndexError, OSError) as e:
+    except (ValueError, IndexError) as e:
         raise FileFormatError(
             f"{path} has no head of name and wavelengths in nm with rows of reflectance: {e}"
         ) from None

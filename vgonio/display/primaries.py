@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..compare.colour import _colour
 from ..errors import FileFormatError, InputError, nearest
+from ..files import is_file, text_of
 
 Floats = NDArray[np.float64]
 # centre and full width at half maximum in nm: chosen so that the chromaticities lie near those of Adobe RGB (1998), as
@@ -42,7 +43,7 @@ def primaries(name: str | os.PathLike[str]) -> Primaries:
         data = _colour().MSDS_DISPLAY_PRIMARIES[COLOUR_SCIENCE[str(name)]]
         return Primaries(np.asarray(data.wavelengths, float), np.clip(data.values.T, 0, None))
     path = Path(name)
-    if not path.is_file():
+    if not is_file(path):
         raise InputError(f"primaries {str(name)!r} are neither a file nor known: {nearest(name, NAMES)}")
     return _from_file(path)
 
@@ -53,8 +54,8 @@ def _band(nm: Floats, centre: float, width: float) -> Floats:
 
 def _from_file(path: Path) -> Primaries:
     try:
-        table = np.loadtxt(path, delimiter=",", comments="#", ndmin=2, encoding="utf-8")
-    except (ValueError, OSError) as e:
+        table = np.loadtxt(text_of(path, "table of primaries").splitlines(), delimiter=",", comments="#", ndmin=2)
+    except ValueError as e:
         raise FileFormatError(f"{path} has no rows of wavelength in nm, R, G, B: {e}") from None
     if table.shape[1] != 4 or not np.all(np.isfinite(table)) or not np.all(np.diff(table[:, 0]) > 0):
         raise FileFormatError(

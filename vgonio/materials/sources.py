@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FileFormatError, MaterialError, nearest
+from ..files import text_of
 from .half_space import Material
 
 Floats = NDArray[np.float64]
@@ -158,10 +159,7 @@ def dispersion(formula: int, c: list[float], w: Floats) -> Floats:
 
 
 def _from_file(path: Path) -> Material:
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as e:
-        raise FileFormatError(f"cannot read material file {path}: {e.strerror or e}") from None
+    text = text_of(path, "material file", errors="replace")
     try:
         parts = _csv_parts(text) if path.suffix.lower() in (".csv", ".txt") else _yaml_parts(text)
         n, n_range = parts["n"]
@@ -191,7 +189,10 @@ def _yaml_parts(text: str) -> dict:
         else:
             c = [float(v) for v in str(block["coefficients"]).split()]
             limits = tuple(float(v) for v in str(block.get("wavelength_range", block.get("range"))).split())
-            parts["n"] = ((lambda w, f=int(kind[1]), c=c: dispersion(f, c, w)), limits)
+            formula = int(kind[1])
+            if formula not in _FORMULA.values():
+                raise ValueError(f"dispersion formula {formula} is unknown: 1 to 9 are known")
+            parts["n"] = ((lambda w, f=formula, c=c: dispersion(f, c, w)), limits)
     return parts
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -20,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..dataset import label
 from ..directions import unit_vectors
 from ..errors import FileFormatError, InputError
+from ..files import text_of
 from ..units import degrees, radians
 from .isotropic import isotropic
 
@@ -336,8 +338,8 @@ def read_reflectance(path: str, columns: Sequence[int] = (0, 1, 2), coverage: fl
     coverage : factor k of the stated uncertainty, by which it is divided. Raises FileFormatError for other files.
     """
     try:
-        table = np.loadtxt(path, usecols=tuple(columns), ndmin=2)
-    except (OSError, ValueError, IndexError) as e:
+        table = np.loadtxt(text_of(Path(path), "table").splitlines(), usecols=tuple(columns), ndmin=2)
+    except (ValueError, IndexError) as e:
         raise FileFormatError(f"{path} is no table of wavelength, reflectance and uncertainty: {e}") from None
     if not table.size or not np.all(np.isfinite(table)) or np.any(table[:, 0] <= 0):
         raise FileFormatError(f"{path} holds no rows, or a value that cannot be")

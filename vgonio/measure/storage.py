@@ -14,7 +14,8 @@ import xarray as xr
 
 from ..dataset import check, plain
 from ..errors import FileFormatError
-from ..files import written_whole
+from ..files import require_file, written_whole
+from ..hdf5 import require_harmless
 
 FORMAT = "vgonio result"
 FORMAT_VERSION = 1
@@ -51,8 +52,8 @@ def save(result: xr.DataTree | xr.Dataset, path: str | os.PathLike[str]) -> Path
 def open(path: str | os.PathLike[str]) -> xr.DataTree:
     """Read a result into memory; FileFormatError for a missing or damaged file, or one of another program."""
     path = Path(path)
-    if not path.is_file():
-        raise FileFormatError(f"no such result file: {path}")
+    require_file(path, "result file")
+    require_harmless(path)
     loaded, reason = _loaded(path)
     if loaded is None:
         raise FileFormatError(f"{path} is not a NetCDF-4 file ({reason})")

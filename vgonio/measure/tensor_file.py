@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FileFormatError
-from ..files import written_whole
+from ..files import bytes_of, written_whole
 
 MAGIC = b"tensor_file\x00"
 TYPES = {1: "<u1", 2: "<i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4", 7: "<u8", 8: "<i8", 9: "<f2", 10: "<f4", 11: "<f8"}
@@ -31,10 +31,7 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
 
     Raises FileFormatError for another kind of file, or fields that lie outside it.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as e:
-        raise FileFormatError(f"cannot read {path}: {e.strerror or e}") from None
+    content = bytes_of(path, "tensor file")
     if not content.startswith(MAGIC):
         raise FileFormatError(f"{path} is no tensor file (RGL .bsdf): it does not begin with 'tensor_file'")
     try:

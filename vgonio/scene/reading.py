@@ -10,7 +10,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ..errors import FileFormatError, InputError
+from ..errors import InputError
+from ..files import settings_of
 from .messages import first_error
 from .tables import Scene
 
@@ -47,18 +48,7 @@ def without_output(scene: Scene) -> Scene:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise FileFormatError(
-            f"no such scene file: {path} (`vgonio init {path.name}` writes one to start from)"
-        ) from None
-    except OSError as e:
-        raise FileFormatError(f"cannot read scene {path}: {e.strerror or e}") from None
-    except RecursionError:
-        raise FileFormatError(f"{path} is nested too deeply for a scene") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as e:
-        raise FileFormatError(f"{path} is no valid TOML file: {' '.join(str(e).split())}") from None
+    return settings_of(path, "scene file", f" (`vgonio init {path.name}` writes one to start from)")
 
 
 def parse_override(text: str) -> tuple[list[str], Any]:
@@ -72,7 +62,7 @@ def parse_override(text: str) -> tuple[list[str], Any]:
         parsed = tomllib.loads(f"value = {value}")
         if list(parsed) == ["value"]:
             return keys, parsed["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):  # no TOML, or a number or a date that cannot be
         pass
     if not value or value[0] in "[{\"'+-0123456789" and not _looks_like_path(value):
         raise InputError(f"--set {text!r}: {value!r} is no TOML value (quote strings, write lists as [1, 2])")

@@ -43,9 +43,12 @@ def _range(value: dict[str, Any]) -> list[float]:
         raise InputError(
             f"the range from {start:g} to {stop:g} by {step:g} is empty: step has to lead from start to stop"
         )
-    count = math.floor((stop - start) / step * (1 + 1e-12) + 1e-9) + 1
-    if count > MAX_LIST:
-        raise InputError(f"the range from {start:g} to {stop:g} by {step:g} has {count} values: allowed are {MAX_LIST}")
+    steps = (stop - start) / step * (1 + 1e-12) + 1e-9
+    if steps >= MAX_LIST:
+        raise InputError(
+            f"the range from {start:g} to {stop:g} by {step:g} has {steps + 1:.6g} values: allowed are {MAX_LIST}"
+        )
+    count = math.floor(steps) + 1
     return [round(start + i * step, 9) for i in range(count)]
 
 

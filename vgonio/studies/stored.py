@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from ..errors import FileFormatError
+from ..hdf5 import require_harmless_groups
 
 LENGTHS = {"Sq", "Sa", "Sz", "Sal"}  # of the parameters of ISO 25178 that a result keeps
 UNITS = (("_um", "um"), ("_nm", "nm"), ("_deg", "degree"))
@@ -25,13 +26,16 @@ def read_point(path: Path) -> dict[str, xr.Dataset]:
 
     try:
         with h5py.File(path, "r") as file:
+            require_harmless_groups(file, path)
             found = {"seconds": _seconds(file.attrs.get("seconds", "{}"))}
             for name, group in file.items():
                 if isinstance(group, h5py.Group) and "brdf" in group and name != "measured":
                     found[name] = _numbers(group)
                 elif name == "surface":
                     found["surfaces"] = _parameters(group.attrs)
-    except (OSError, KeyError, ValueError, RuntimeError) as e:
+    except FileFormatError:
+        raise
+    except Exception as e:  # damaged HDF5 fails in as many ways as there are bytes
         raise FileFormatError(f"{path} is damaged ({e}): remove it, and it is computed again") from None
     return found
 

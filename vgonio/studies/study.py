@@ -7,7 +7,6 @@ import itertools
 import json
 import math
 import os
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,6 +15,7 @@ from typing import Any
 
 from .. import __version__
 from ..errors import FileFormatError, InputError, VgonioError, nearest
+from ..files import require_file, settings_of
 from ..scene import Scene, changed_scene, expand, load_scene
 
 KEYS = ("scene", "title", "zip", "vary")
@@ -81,14 +81,7 @@ def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[dict[str,
     if isinstance(source, Mapping):
         return dict(source), Path("."), "study"
     path = Path(source)
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig")), path.parent, path.stem
-    except FileNotFoundError:
-        raise FileFormatError(f"no such study file: {path}") from None
-    except OSError as e:
-        raise FileFormatError(f"cannot read study {path}: {e.strerror or e}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as e:
-        raise FileFormatError(f"{path} is no valid TOML file: {' '.join(str(e).split())}") from None
+    return settings_of(path, "study file"), path.parent, path.stem
 
 
 def _vary(table: Any, name: str) -> dict[str, list[Any]]:
@@ -169,6 +162,7 @@ def _with_digests(value: Any, scene: Scene) -> Any:
 
 
 def _digest(path: Path) -> str:
+    require_file(path, "input file")
     try:
         found = path.stat()
         return _digest_of(path, found.st_mtime_ns, found.st_size)

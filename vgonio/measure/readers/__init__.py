@@ -18,6 +18,7 @@ import numpy as np
 import xarray as xr
 
 from ...errors import FileFormatError, InputError, nearest
+from ...files import require_file
 from .. import writers
 from ..writers import astm as _astm
 from ..writers import gonio_json as _gonio_json
@@ -152,10 +153,7 @@ def recognise(path: str | os.PathLike[str], format: str | None = None) -> str:
     Raises FileFormatError for a file that is missing or of no known format, InputError for an unknown name.
     """
     path = Path(path)
-    if path.is_dir():
-        raise FileFormatError(f"{path} is a folder: a file with a BRDF is needed")
-    if not path.is_file():
-        raise FileFormatError(f"no such file: {path}")
+    require_file(path)
     if format is not None and format not in FORMATS:
         raise InputError(f"unknown format {format!r} of measured data: {nearest(format, FORMATS)}")
     return format or _recognise(path)

@@ -15,10 +15,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...errors import FileFormatError
+from ...files import text_of
 from ...units import degrees
 from .channels import nominal
 from .checks import Repairs
-from .listed import from_spectra, table_of, text_of
+from .listed import from_spectra, table_of
 
 Floats = NDArray[np.float64]
 VARS = re.compile(r"^\s*VARS\b[\s=:]*(.*)$", re.IGNORECASE)

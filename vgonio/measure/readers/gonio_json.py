@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ...dataset import plain
 from ...errors import FileFormatError
+from ...files import json_of
 from .checks import Repairs, check_values
 from .in_plane import dense_dataset, signed_angles
 
@@ -70,16 +71,7 @@ def _standard_errors(entries: list[dict[str, Any]], size: int, path: Path) -> Fl
 
 
 def _load(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as e:
-        raise FileFormatError(f"cannot read {path}: {e.strerror or e}") from None
-    except UnicodeDecodeError:
-        raise FileFormatError(f"{path} is no text file, so no gonioreflectometer JSON") from None
-    except RecursionError:
-        raise FileFormatError(f"{path} is nested too deeply for a gonioreflectometer JSON") from None
-    except ValueError as e:
-        raise FileFormatError(f"{path} is truncated or no JSON: {e}") from None
+    content = json_of(path, "gonioreflectometer JSON")
     if not (isinstance(content, list) and content and isinstance(content[0], dict) and "wavelengths" in content[0]):
         raise FileFormatError(
             f"{path} is JSON of another kind: a gonioreflectometer file is an array that begins with 'wavelengths'"

@@ -20,16 +20,6 @@ from .in_plane import SAME_ANGLE, dense_dataset, signed_angles
 Floats = NDArray[np.float64]
 
 
-def text_of(path: Path, what: str) -> str:
-    """The whole text of a file; FileFormatError where it cannot be read or is no text."""
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except OSError as e:
-        raise FileFormatError(f"cannot read {path}: {e.strerror or e}") from None
-    except UnicodeDecodeError:
-        raise FileFormatError(f"{path} is no text file, so no {what}") from None
-
-
 def numbers(fields: list[str], where: str) -> Floats:
     """(n,) of decimal numbers; FileFormatError for anything else."""
     try:

@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from ...errors import FileFormatError
+from ...files import text_of
 from .checks import Repairs, check_size, check_values, once
 from .in_plane import dense_dataset
 from .listed import from_rows
@@ -27,13 +28,11 @@ def sniff(head: bytes) -> bool:
 
 def read(path: Path, repairs: Repairs, *, hemisphere: bool = False) -> xr.Dataset:
     """The f_r11 of a NIST table, in plane, or all directions (`hemisphere`); see `measure.readers.read`."""
+    text = text_of(path, "NIST BRDF table")
+    if not sniff(text[:64].encode()):
+        raise FileFormatError(f"{path} is no NIST BRDF table: its header has to begin with lambda,thetai,phi")
     try:
-        with path.open("rb") as file:
-            if not sniff(file.read(64)):
-                raise FileFormatError(f"{path} is no NIST BRDF table: its header has to begin with lambda,thetai,phi")
-        rows = np.loadtxt(path, delimiter=",", skiprows=1, usecols=range(6), ndmin=2)
-    except OSError as e:
-        raise FileFormatError(f"cannot read {path}: {e.strerror or e}") from None
+        rows = np.loadtxt(text.splitlines(), delimiter=",", skiprows=1, usecols=range(6), ndmin=2)
     except (ValueError, IndexError) as e:
         raise FileFormatError(f"{path} is truncated or no NIST BRDF table: {e}") from None
     if rows.size == 0 or not np.all(np.isfinite(rows)):

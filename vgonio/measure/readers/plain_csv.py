@@ -20,10 +20,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...errors import FileFormatError
+from ...files import text_of
 from ...units import degrees
 from .checks import UNITS, Repairs
 from .in_plane import signed_as_full
-from .listed import from_rows, table_of, text_of
+from .listed import from_rows, table_of
 
 Floats = NDArray[np.float64]
 NAMES = {

@@ -20,11 +20,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...directions import unit_vectors
 from ...errors import FileFormatError
+from ...files import text_of
 from ...units import degrees, radians
 from ..isotropic import IsotropicBrdf, sampled
 from .channels import nominal
 from .checks import Repairs, check_size
-from .listed import numbers, text_of
+from .listed import numbers
 
 Floats = NDArray[np.float64]
 AXES = ("SampleRotation", "AngleOfIncidence", "ScatterAzimuth", "ScatterRadial")

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import os
-import tomllib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -21,12 +21,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...errors import FileFormatError, InputError, nearest, whole
-from ...files import written_whole
+from ...files import settings_of, text_of, written_whole
 from ..appearance import KNOWN
 from .box import ANGLES_DEG, Box, check_angle
 
 Floats = NDArray[np.float64]
 PATCHES = tuple(range(1, 25))
+# not str.format: a file could ask it for a name of gigabytes
+PLACE = re.compile(r"\{number(?::0(\d)d)?\}")
 # Mitsuba's resolution in the thesis: 200 samples between 360 and 830 nm
 WAVELENGTHS = 200
 T = TypeVar("T")
@@ -186,14 +188,7 @@ def load(source: str | os.PathLike[str] | Mapping[str, Any]) -> Settings:
     if isinstance(source, Mapping):
         return _settings(source, Path("."), "scene")
     path = Path(source)
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise FileFormatError(f"no such file: {path} (`vgonio validate --init {path.name}` writes one)") from None
-    except OSError as e:
-        raise FileFormatError(f"cannot read {path}: {e.strerror or e}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as e:
-        raise FileFormatError(f"{path} is no valid TOML file: {' '.join(str(e).split())}") from None
+    data = settings_of(path, "file", f" (`vgonio validate --init {path.name}` writes one)")
     return _settings(data, path.parent, path.name)
 
 
@@ -237,23 +232,27 @@ def read_ground_truth(settings: Settings) -> GroundTruth:
 
     files = settings.files
     assert files is not None
+    patch_files = {n: settings.folder / _numbered(files.patches, n) for n in settings.render.patches}
+    _require_files([settings.folder / f for f in (files.light, files.reference, files.walls)] + [*patch_files.values()])
     light_nm, light = read_light(settings.folder / files.light, settings.box.light_count)
     reference = read_reference(settings.folder / files.reference, settings.render)
     wall = in_plane(read(settings.folder / files.walls), files.walls)
     patches = {}
-    for number in settings.render.patches:
-        path = settings.folder / _numbered(files.patches, number)
-        if not path.is_file():
-            raise FileFormatError(f"patch {number} is missing: no file {path}")
+    for number, path in patch_files.items():
         patches[number] = in_plane(read(path), path.name)
     return GroundTruth(light_nm, light, wall, patches, reference, "measured files")
 
 
+def _require_files(paths: list[Path]) -> None:
+    """FileFormatError that names all files that are not there, not one a run."""
+    missing = [str(path) for path in paths if not path.is_file()]
+    if missing:
+        told = ", ".join(missing[:5]) + (f" and {len(missing) - 5} more" if len(missing) > 5 else "")
+        raise FileFormatError(f"{len(missing)} of {len(paths)} files of [files] are missing: {told}")
+
+
 def _numbered(pattern: str, number: int) -> str:
-    try:
-        name = pattern.format(number=number)
-    except (KeyError, IndexError, ValueError):
-        name = pattern
+    name = PLACE.sub(lambda found: f"{number:0{found[1] or 1}d}", pattern)
     if name == pattern:
         raise InputError(f'[files] patches = {pattern!r}: {{number}} is needed, as in "patch_{{number:02d}}.json"')
     return name
@@ -273,12 +272,10 @@ def in_plane(data: xr.Dataset, name: str) -> xr.Dataset:
 
 
 def _rows(path: Path) -> list[list[str]]:
+    lines = text_of(path, "file").splitlines()
     try:
-        with open(path, encoding="utf-8-sig", newline="") as stream:
-            rows = [r for r in csv.reader(stream) if r and not r[0].lstrip().startswith("#")]
-    except FileNotFoundError:
-        raise FileFormatError(f"no such file: {path}") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as e:
+        rows = [r for r in csv.reader(lines) if r and not r[0].lstrip().startswith("#")]
+    except csv.Error as e:
         raise FileFormatError(f"cannot read {path}: {e}") from None
     if len(rows) < 2:
         raise FileFormatError(f"{path} holds no table: a header and at least one line are needed")

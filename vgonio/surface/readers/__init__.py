@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...errors import FileFormatError, InputError, nearest
+from ...files import require_file
 from ...units import to_um
-from ..heightfield import Heightfield, pitch_pair
+from ..checks import pitch_pair
+from ..heightfield import Heightfield
 from ..interpolant import KINDS
 from . import ascii_matrix, csv_grid, instrument, npz, usurf_text, vgms
 from .common import Format, RawSurface
@@ -56,10 +58,7 @@ def read(
 
 
 def _format_of(path: Path) -> Format:
-    if path.is_dir():
-        raise FileFormatError(f"{path} is a folder: give a surface file")
-    if not path.is_file():
-        raise FileFormatError(f"no such surface file: {path}")
+    require_file(path, "surface file")
     try:
         with open(path, "rb") as stream:
             start = stream.read(64)

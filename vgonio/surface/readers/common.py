@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FileFormatError
+from ...files import text_of
 
 # a header may declare anything: no array is made for more points than this (10,000 × 10,000 is 0.8 GB of float64)
 MAX_POINTS = 10**8
@@ -69,11 +70,7 @@ def uniform_pitch(coordinates: NDArray[np.float64], axis: str, path: Path) -> fl
 
 def text_lines(path: Path) -> list[str]:
     """Lines of a text file without empty ones at the end; FileFormatError where it is no text."""
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise FileFormatError(f"{path} is not a text file") from None
-    lines = text.splitlines()
+    lines = text_of(path, "surface as text").splitlines()
     while lines and not lines[-1].strip():
         lines.pop()
     if not lines:

@@ -7,13 +7,16 @@ whatever goes wrong inside them becomes one line.
 from __future__ import annotations
 
 import warnings
+import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...errors import FileFormatError, InputError
+from ...hdf5 import require_harmless
 from ...units import to_um
+from . import matlab
 from .common import Format, RawSurface, require_points
 
 # suffix → name; a test compares this with the library, which is slow to import
@@ -68,12 +71,20 @@ SUFFIXES: dict[str, str] = {
 }
 # a deflated byte holds at most 1032 heights of one byte: a header that declares more than that lies
 _POINTS_PER_BYTE = 1032
+# members of archives that are read as a whole; numbers written as text shrink to a tenth at the best
+_DESCRIPTIONS = {".xml", ".json", ".txt", ".properties", ".dsc", ".hex", ".ini"}
+_MOST_DESCRIPTION = 10_000_000
+_MOST_RATIO = 100
 
 
 def read(path: Path) -> RawSurface:
     """RawSurface of the first height channel of an instrument file; FileFormatError where none can be read."""
+    require_harmless(path)
+    if path.suffix.lower() == ".mat":
+        matlab.require_sound(path)
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
+        _require_no_bomb(path)
         reader = _reader(path)
         try:
             return _surface(reader, path)
@@ -83,6 +94,22 @@ def read(path: Path) -> RawSurface:
             raise FileFormatError(f"{path}: the {SUFFIXES[path.suffix.lower()]} file is damaged ({_line(e)})") from None
         finally:
             reader.close()
+
+
+def _require_no_bomb(path: Path) -> None:
+    """FileFormatError for an archive whose descriptions unpack to far more than descriptions do."""
+    if not zipfile.is_zipfile(path):
+        return
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = archive.infolist()
+    except Exception:
+        return  # damaged: its reader says how
+    for member in members:
+        text = Path(member.filename).suffix.lower() in _DESCRIPTIONS
+        if text and member.file_size > max(_MOST_DESCRIPTION, _MOST_RATIO * member.compress_size):
+            size = f"{member.compress_size} bytes for {member.file_size / 1e6:.0f} MB"
+            raise FileFormatError(f"{path}: {member.filename!r} in it is no description ({size}): not read")
 
 
 def _reader(path: Path) -> Any:

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import FileFormatError, InputError
+from ...files import bytes_of
 from ...units import to_um
 from ..heightfield import Heightfield
 from .common import Format, RawSurface, require_points
@@ -29,7 +30,7 @@ _ASCII_BYTES = 64
 
 def read(path: Path) -> RawSurface:
     """RawSurface from a VGMS file of any encoding and compression; FileFormatError where it is damaged."""
-    data = path.read_bytes()
+    data = bytes_of(path, "VGMS file")
     if len(data) < HEADER.size or data[:4] != b"VGMS":
         raise FileFormatError(f"{path} is not a VGMS file: {len(data)} bytes, beginning {data[:4]!r}")
     _, version, length, time, size, encoding, compression, unit, columns, rows, du, dv = HEADER.unpack_from(data)
