@@ -6,8 +6,9 @@ everything at every angle; a path is a refractiveindex.info YAML or CSV file. Ta
 `film("Al2O3", 4.0, on="Al")` is a material with a thin film, a material like any other.
 """
 
-from .films import Coated, film, stack
+from .films import Coated
 from .half_space import Material, fresnel
-from .sources import DEFAULT_AUTHOR, dispersion, material
+from .named import film, material, stack
+from .sources import DEFAULT_AUTHOR, dispersion
 
 __all__ = ["DEFAULT_AUTHOR", "Coated", "Material", "dispersion", "film", "fresnel", "material", "stack"]

@@ -7,8 +7,6 @@ last terms are negligible, and kept per wavelength.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -18,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import MaterialError
 from .half_space import Complex, Material
-from .sources import material
 
 Floats = NDArray[np.float64]
 NEGLIGIBLE = 1e-10  # of the terms in the last quarter of a series of amplitudes, which are of order 1
@@ -58,43 +55,6 @@ class Coated(Material):
         s: Complex = np.stack([chebyshev.chebval(x, one[0]) for one in series], axis=-1)
         p: Complex = np.stack([chebyshev.chebval(x, one[1]) for one in series], axis=-1)
         return s.reshape(shape), p.reshape(shape)
-
-
-def film(
-    layer: str | os.PathLike[str] | Material, thickness_nm: float, on: str | os.PathLike[str] | Material = "Al"
-) -> Coated:
-    """A film of `thickness_nm` of one material on another, which may be coated already (a stack).
-
-    >>> film("Al2O3", 4.0, on="Al")                             # native oxide of aluminium
-    >>> film("MgF2:Li-o", 100.0, on=film("SiO2", 50.0, on="Ag"))   # two layers, MgF2 outside
-
-    Raises MaterialError for thicknesses below zero, and for "perfect", which has no index that a film could meet.
-    """
-    top, below = material(layer), material(on)
-    if isinstance(top, Coated):
-        raise MaterialError(f"{top.name!r} cannot be a film: put its layers on one by one, the innermost first")
-    if top.perfect or below.perfect:
-        raise MaterialError("a film needs refractive indices on both sides: 'perfect' has none, name a material")
-    d = float(thickness_nm)
-    if not (np.isfinite(d) and d >= 0):
-        raise MaterialError(f"a film of {thickness_nm} nm: the thickness has to be 0 nm or more")
-    inner = below.layers if isinstance(below, Coated) else ((below, np.inf),)
-    limits = max(top.range_nm[0], below.range_nm[0]), min(top.range_nm[1], below.range_nm[1])
-    return Coated(
-        name=f"{top.name} {d:.12g} nm on {below.name}",
-        source=f"film: {top.source}; {'' if isinstance(below, Coated) else 'half-space: '}{below.source}",
-        table=None,
-        range_nm=limits,
-        layers=((top, d), *inner),
-    )
-
-
-def stack(layers: Iterable[tuple[str | os.PathLike[str] | Material, float]], on: str | Material) -> Material:
-    """Films (material, thickness in nm) from the outside in, on a half-space; no film at all gives the half-space."""
-    made = material(on)
-    for layer, thickness_nm in reversed(list(layers)):
-        made = film(layer, thickness_nm, on=made)
-    return made
 
 
 @lru_cache(maxsize=4096)

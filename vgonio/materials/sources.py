@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -32,19 +31,10 @@ DEFAULT_AUTHOR = {
     "Al2O3": "Malitson-o",
     "H2O": "Hale",
 }
-# how a coated material names itself, so that its name in a result is a material again
-COATED = re.compile(r"(\S+) ([0-9.]+(?:e[+-]?[0-9]+)?) nm on (.+)")
 
 
-def material(name: str | os.PathLike[str] | Material) -> Material:
-    """The material of that name ("Al", "Al:McPeak", "perfect", "Al2O3 4 nm on Al") or of that YAML or CSV file."""
-    if isinstance(name, Material):
-        return name
-    coated = COATED.fullmatch(str(name))
-    if coated:
-        from .films import film
-
-        return film(coated[1], float(coated[2]), on=coated[3])
+def half_space(name: str | os.PathLike[str]) -> Material:
+    """The uncoated material of that name ("Al", "Al:McPeak", "perfect") or of that YAML or CSV file."""
     if isinstance(name, os.PathLike) or Path(str(name)).suffix.lower() in (".yml", ".yaml", ".csv", ".txt"):
         return _from_file(Path(name))
     if name in ("perfect", "perfect reflector"):

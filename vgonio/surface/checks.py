@@ -1,4 +1,4 @@
-"""Checks that all generators make of their parameters, so that a scene with a wrong value gets one clear line."""
+"""Checks of pitches, shapes and parameters of generators, so that a scene with a wrong value gets one clear line."""
 
 from __future__ import annotations
 
@@ -8,10 +8,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from .heightfield import pitch_pair
 
 # a 10,000 × 10,000 field is 0.8 GB
 MAX_POINTS = 10**8
+
+
+def pitch_pair(pitch_um: float | ArrayLike) -> tuple[float, float]:
+    """(dy, dx) in µm from a number or a pair; InputError unless positive and finite."""
+    try:
+        p = np.broadcast_to(np.asarray(pitch_um, dtype=np.float64), (2,))
+    except (TypeError, ValueError):
+        raise InputError(f"pitch_um = {pitch_um!r}: give one number or (dy, dx), in µm") from None
+    if not np.all(np.isfinite(p) & (p > 0)):
+        raise InputError(f"pitch_um = {pitch_um!r} µm: the pitch has to be positive and finite")
+    return float(p[0]), float(p[1])
 
 
 def grid(shape: Sequence[int], pitch_um: float | ArrayLike) -> tuple[tuple[int, int], tuple[float, float]]:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import warnings
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, VgonioWarning, nearest
 from . import checks
-from .heightfield import Heightfield
+
+if TYPE_CHECKING:
+    from .heightfield import Heightfield
 
 Floats = NDArray[np.float64]
 

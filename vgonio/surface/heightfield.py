@@ -10,20 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, nearest
+from .checks import pitch_pair
+from .filter import fill, level
 from .interpolant import KINDS, Interpolant
 
 Floats = NDArray[np.float64]
-
-
-def pitch_pair(pitch_um: float | ArrayLike) -> tuple[float, float]:
-    """(dy, dx) in µm from a number or a pair; InputError unless positive and finite."""
-    try:
-        p = np.broadcast_to(np.asarray(pitch_um, dtype=np.float64), (2,))
-    except (TypeError, ValueError):
-        raise InputError(f"pitch_um = {pitch_um!r}: give one number or (dy, dx), in µm") from None
-    if not np.all(np.isfinite(p) & (p > 0)):
-        raise InputError(f"pitch_um = {pitch_um!r} µm: the pitch has to be positive and finite")
-    return float(p[0]), float(p[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,14 +135,10 @@ class Heightfield:
 
     def filled(self, method: str = "interpolate") -> Heightfield:
         """Missing points filled; see `vgonio.surface.filter.fill`."""
-        from .filter import fill
-
         return fill(self, method)
 
     def levelled(self, method: str = "plane") -> Heightfield:
         """Mean, plane or quadratic form removed; see `vgonio.surface.filter.level`."""
-        from .filter import level
-
         return level(self, method)
 
     def cropped(self, size_um: float | ArrayLike, centre: bool = True) -> Heightfield:
