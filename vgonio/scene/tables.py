@@ -24,8 +24,8 @@ from pydantic import (
 from ..directions import Detector as DetectorCheck
 from ..directions import Incoming, angle_list, wavelength_list
 from ..errors import InputError
-from ..surface.filter import FILLS, LEVELS
 from ..surface.checks import pitch_pair
+from ..surface.filter import FILLS, LEVELS
 from ..surface.interpolant import KINDS
 from ..units import to_um
 from .values import check_generator, checked, expand, not_offered, one_of, whole
