@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from sphinx.pycode import ModuleAnalyzer
+from sphinx.util.inspect import TypeAliasForwardRef
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
@@ -26,7 +27,7 @@ html_theme = "furo"
 html_title = f"vgonio {__version__}"
 html_show_sphinx = False
 html_static_path = ["_static"]
-html_css_files = ["tables.css"]
+html_css_files = ["pages.css"]
 smartquotes = False  # names in quotes are typed as they stand
 
 myst_heading_anchors = 3
@@ -40,6 +41,8 @@ bibtex_reference_style = "author_year"
 default_role = "literal"
 autodoc_default_options = {"members": True, "member-order": "groupwise"}
 autodoc_typehints_format = "short"
+autodoc_type_aliases = {name: name for name in ("ArrayLike", "Floats", "Complex", "Mapping", "Sequence", "Callable")}
+TypeAliasForwardRef.__repr__ = lambda self: self.name  # inside of tuple[…] and beside | it would show itself
 # types of other packages, and names that only type checkers see: nothing on these pages to link to
 nitpick_ignore_regex = [("py:.*", r".*")]
 
