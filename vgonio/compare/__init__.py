@@ -6,13 +6,14 @@ Importing this package loads neither colour-science nor lmfit; the functions tha
 from .colour import delta_e_2000, rgb_map, xyz
 from .comparison import compare
 from .explained import explained_shares
+from .exponent import check_p
 from .fit_files import broken_physics, evaluate_fit, fit_parameters, open_fit, save_fit
 from .gloss import gloss, haze
 from .metrics import align, nrmse, nse, rmse
 from .model_fit import fit_model
 from .model_table import fit_models, model_table
 from .reflectances import appearance, reflectance, total_integrated_scatter
-from .shift import check_p, fit_global_shift, fit_local_shift, fitted_spectra
+from .shift import fit_global_shift, fit_local_shift, fitted_spectra
 from .summary import summary
 from .two_shift_fit import fit_two_shifts, single_share
 

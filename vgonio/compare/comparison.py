@@ -15,8 +15,9 @@ from ..errors import InputError, VgonioError, nearest
 from ..materials import Material
 from ..models.clausen_2022 import WAVELENGTH_N_NM
 from .colour import SCALES, delta_e_2000
+from .exponent import FEWEST_FOR_P
 from .metrics import SAME_ANGLE_DEG, align, detector_dim, labelled, nrmse, rmse
-from .shift import FEWEST_FOR_P, fit_global_shift, fit_local_shift
+from .shift import fit_global_shift, fit_local_shift
 
 _SPECTRAL = {"theta_i", "theta_o", "cell", "wavelength"}
 _AXES = ("theta_i", "theta_o", "wavelength")

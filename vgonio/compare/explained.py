@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from ..errors import InputError, VgonioError
 from ..materials import Material
 from ..models.clausen_2022 import WAVELENGTH_N_NM
+from .exponent import FEWEST_FOR_P
 from .metrics import SAME_ANGLE_DEG, detector_dim
-from .shift import FEWEST_FOR_P, fit_global_shift, fit_local_shift
+from .shift import fit_global_shift, fit_local_shift
 
 Floats = NDArray[np.float64]
 SAMPLES = 400

@@ -1,4 +1,4 @@
-"""The minimisation behind `shift.fit_global_shift`: a scan for the start, lmfit, and honest standard errors."""
+"""The minimisation behind `fit_global_shift`: a scan for the start, lmfit, and honest standard errors."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Bounds = tuple[float, float]
 NAMES = ("h", "w", "t_y", "p")
+W_BOUNDS = (0.25, 20.0)  # below, the cosine is a parabola and h, t_y are no longer separate; above, steps of 5° alias
 # slopes are in µm⁻¹ in here, so that all parameters are of order one
 NM = {"h": 1e-3, "w": 1.0, "t_y": 1e-3, "p": 1.0}
 

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..materials import Material
 from ..models.clausen_2022 import WAVELENGTH_N_NM, slope
+from .exponent import P_BOUNDS, fixed_p, p_is_free
+from .global_fit import W_BOUNDS, solve
+from .goodness import aic, spectral_r2, total_r2
 from .local_fit import best_exponents, normalised_model, profile, standard_errors
 from .metrics import labelled
 from .spectra import Spectra, normalised_spectra
 
 Floats = NDArray[np.float64]
-P_BOUNDS = (0.0, 5.0)  # p counts reflections (thesis, below 4.2): beyond five nothing is left to see
-W_BOUNDS = (0.25, 20.0)  # below, the cosine is a parabola and h, t_y are no longer separate; above, steps of 5° alias
-FEWEST_FOR_P = 5
 
 _LABELS = {
     "slope": ("nm-1", "slope of the linear shift, relative to the value at wavelength_n"),
@@ -69,7 +69,7 @@ def fit_local_shift(
     errors = standard_errors(s, m, exponent, free)
     errors[1] = np.where((exponent > p_bounds[0]) & (exponent < p_bounds[1]), errors[1], np.nan)
     left_out = ~s.used | (np.sum(s.weight > 0, axis=1) < (4 if free else 2))
-    r2 = _r2(s, normalised_model(s, m, exponent))
+    r2 = spectral_r2(s, normalised_model(s, m, exponent))
     fitted = {"slope": m, "slope_stderr": errors[0], "p": exponent, "p_stderr": errors[1], "r2": r2}
     return xr.Dataset(
         {name: _on_grid(s, np.where(left_out, np.nan, values), name) for name, values in fitted.items()},
@@ -125,45 +125,6 @@ def _choices(
     }
 
 
-def fixed_p(p: float | str) -> float:
-    return 0.0 if isinstance(p, str) else float(p)
-
-
-def check_p(p: float | str) -> None:
-    """InputError unless p is "fit" or a number within `P_BOUNDS`."""
-    if p == "fit":
-        return
-    if isinstance(p, str) or not P_BOUNDS[0] <= p <= P_BOUNDS[1]:
-        raise InputError(f"p = {p}: a number from {P_BOUNDS[0]:g} to {P_BOUNDS[1]:g} or 'fit' is allowed")
-
-
-def p_is_free(s: Spectra, p: float | str, p_bounds: tuple[float, float]) -> bool:
-    """Whether p is a free parameter: asked for, and F depends on wavelength."""
-    check_p(p)
-    if p != "fit":
-        return False
-    if not 0 <= p_bounds[0] < p_bounds[1]:
-        raise InputError(f"p_bounds = {p_bounds}: 0 ≤ lower < upper is needed")
-    if np.abs(s.log_fresnel).max() < 1e-12:
-        return False
-    if s.offset.size < FEWEST_FOR_P:
-        raise InputError(
-            f"{s.offset.size} wavelengths are too few to fit p beside the slope, {FEWEST_FOR_P} are needed: fix it, p=1"
-        )
-    return True
-
-
-def _r2(s: Spectra, model: Floats) -> Floats:
-    """(n,) coefficient of determination, unweighted as in the thesis; NaN for a flat spectrum."""
-    valid = s.weight > 0
-    count = np.maximum(valid.sum(axis=1), 1)
-    mean = np.sum(s.values, axis=1, where=valid) / count
-    total = np.sum((s.values - mean[:, None]) ** 2, axis=1, where=valid)
-    rest = np.sum((s.values - model) ** 2, axis=1, where=valid)
-    # below rounding there is nothing to explain
-    return np.where(total > 1e-24 * count, 1.0 - rest / np.where(total > 0, total, 1.0), np.nan)
-
-
 def fit_global_shift(
     data: xr.Dataset,
     material: str | Material | None = "Al",
@@ -183,8 +144,6 @@ def fit_global_shift(
     f(λ_n), is counted once. They are NaN for what is fixed, at a bound, or cannot be told from the data.
     Raises InputError when fewer than 5 spectra can be used and as `fit_local_shift`.
     """
-    from .global_fit import solve
-    from .two_shift_fit import aic
 
     s = normalised_spectra(data, material, wavelength_n, wavelength_range)
     free_p = p_is_free(s, p, p_bounds)
@@ -216,11 +175,3 @@ def fit_global_shift(
             **_choices(material, p, free_p, p_bounds, wavelength_n, data),
         },
     )
-
-
-def total_r2(s: Spectra, used: NDArray[np.bool_], model: Floats) -> float:
-    """Coefficient of determination of all normalised spectra together, unweighted; NaN where they are all flat."""
-    valid = (s.weight > 0) & used[:, None]
-    y = s.values[valid]
-    total = np.sum((y - y.mean()) ** 2)
-    return float(1.0 - np.sum((y - model[valid]) ** 2) / total) if total > 1e-24 * y.size else float("nan")

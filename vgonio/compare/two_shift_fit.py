@@ -14,9 +14,11 @@ from ..materials import Material
 from ..models import Geometry
 from ..models.clausen_2022 import WAVELENGTH_N_NM
 from ..models.two_shifts import share_at, slope
+from .exponent import P_BOUNDS, fixed_p, p_is_free
+from .global_fit import W_BOUNDS
+from .goodness import aic, total_r2
 from .local_fit import normalised_model
 from .metrics import labelled
-from .shift import P_BOUNDS, W_BOUNDS, fixed_p, p_is_free, total_r2
 from .spectra import Spectra, normalised_spectra
 
 Floats = NDArray[np.float64]
@@ -94,13 +96,6 @@ def fit_two_shifts(
             "wavelength_n": float(wavelength_n),
         },
     )
-
-
-def aic(s: Spectra, used: NDArray[np.bool_], model: Floats, parameters: int) -> float:
-    """Akaike 1974, with whole spectra as observations: n ln(mean squared residual of a spectrum) + 2 P."""
-    square = np.sum(s.weight[used] * (s.values[used] - model[used]) ** 2)
-    n = int(used.sum())
-    return float(n * np.log(max(square, 1e-300) / n) + 2 * parameters)
 
 
 def _share_of(s: Spectra, share: xr.DataArray | float) -> Floats:
