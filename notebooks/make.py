@@ -64,6 +64,7 @@ def execute(notebook: nbformat.NotebookNode, timeout: float = TIMEOUT_S) -> None
             timeout=timeout,
             kernel_name="python3",
             record_timing=False,
+            coalesce_streams=True,
             resources={"metadata": {"path": str(HERE)}},
             config=connection(sockets),
         )

@@ -21,7 +21,7 @@ from vgonio.measure.surface_summary import surface_dataset
 from vgonio.report.style import NOTEBOOK_DPI
 
 PLOTS = [name for name in report.__all__ if name.startswith("plot_")]
-OF_A_PLANE = sorted(set(PLOTS) - {"plot_hemisphere", "plot_mueller", "plot_ways", "plot_sweep"})
+OF_A_PLANE = sorted(set(PLOTS) - {"plot_hemisphere", "plot_mueller", "plot_orders", "plot_ways", "plot_sweep"})
 
 
 @pytest.mark.parametrize("name", OF_A_PLANE)
@@ -90,6 +90,7 @@ def test_what_does_not_apply_is_refused_in_one_line(full_result, wave_result):
     refused = {
         "plot_hemisphere": "use plot_lobes",
         "plot_mueller": "polarised = true",
+        "plot_orders": "'efficiency', which 'orders' does not hold",
         "plot_sweep": "use plot_lobes",
         "plot_ways": "statistics = true",
     }

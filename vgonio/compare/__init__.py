@@ -9,6 +9,7 @@ from .explained import explained_shares
 from .exponent import check_p
 from .fit_files import broken_physics, evaluate_fit, fit_parameters, open_fit, save_fit
 from .gloss import gloss, haze
+from .gratings import order_errors
 from .metrics import align, nrmse, nse, rmse
 from .model_fit import fit_model
 from .model_table import fit_models, model_table
@@ -39,6 +40,7 @@ __all__ = [
     "nrmse",
     "nse",
     "open_fit",
+    "order_errors",
     "reflectance",
     "rgb_map",
     "rmse",

@@ -7,6 +7,7 @@
 from .agreement_figures import agreement
 from .brdf_figures import decomposition, energy, lobes, wave_energy
 from .fit_figures import beside_measured, explained, models_beside, shift_parts
+from .grating_figures import orders, theory_errors
 from .hemisphere_figures import polar_decomposition, polar_maps
 from .path_figures import mueller, ways
 from .spectral_figures import delta_e_maps, rgb_maps, shift_slopes, spectra
@@ -23,6 +24,7 @@ __all__ = [
     "lobes",
     "mueller",
     "models_beside",
+    "orders",
     "polar_decomposition",
     "polar_maps",
     "psd",
@@ -32,6 +34,7 @@ __all__ = [
     "slope_histogram",
     "spectra",
     "surface_map",
+    "theory_errors",
     "ways",
     "wave_energy",
 ]

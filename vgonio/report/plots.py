@@ -132,6 +132,21 @@ def plot_ways(result: Result) -> Figure:
     return ways(holding(result, "plot_ways", "path_length", "rays have it with statistics = true"))
 
 
+def plot_orders(result: xr.Dataset | dict[str, xr.Dataset], wavelength_nm: float | None = None) -> Figure:
+    """Efficiencies of a grating's orders, logarithmic, a panel for each θᵢ, one solver's beside the other's.
+
+    result : of `solver.orders`, or several by name;  wavelength_nm : the nearest there is, by default to 550 nm.
+    Raises InputError for results without efficiencies.
+    """
+    from .figures import orders
+
+    found = result if isinstance(result, dict) else {"orders": result}
+    for name, data in found.items():
+        if "efficiency" not in data:
+            raise InputError(f"plot_orders needs the variable 'efficiency', which {name!r} does not hold: use orders")
+    return orders(found, wavelength_nm)
+
+
 # ---- colour
 def plot_spectra(result: Result, theta_i: float = 40.0, back: float | None = None) -> Figure:
     """Spectra in the mirror direction and in back-scattering at one θᵢ, absolute and over 600 nm (thesis figure 4.5).
@@ -278,6 +293,7 @@ PLOTS = (
     plot_wave_energy,
     plot_mueller,
     plot_ways,
+    plot_orders,
     plot_spectra,
     plot_rgb,
     plot_delta_e,
