@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -81,7 +82,7 @@ def difference_row(figure: Figure, axes: list[Axes], difference: xr.DataArray, n
         values = difference.sel(material=name).values
         image = ax.imshow(values, vmin=0, vmax=top, cmap="viridis", interpolation="none")
         low, high = float(values.mean()), float(np.percentile(values, 95))
-        ax.set_title(f"ΔE₀₀ against {against}"[:34])
+        ax.set_title(textwrap.shorten(f"ΔE₀₀ from {against}", 34, placeholder=" …"))
         ax.set_xlabel(f"mean {low:.2f}, 95 % below {high:.2f}", fontsize=7.5, color=INK)
     if image is not None:
         bar = figure.colorbar(image, ax=axes, shrink=0.85, pad=0.02, extend="max")
