@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-FIELD = re.compile(r"^( *)((?:`?\w+`?)(?:, `?\w+`?)*(?: \([^()]*\))?) : (.*)$")
+FIELD = re.compile(r"^( *)((?:`?\w+`?)(?:(?:, | or )`?\w+`?)*(?: \([^()]*\))?) : (.*)$")
 NEXT_FIELD = re.compile(r";  (?=\w+ : )")
 CHOICE = re.compile(r'^( +)("[\w -]+") +(.*)$')
 CONSTANT = re.compile(r"((?:^#: .*\n)+)^([A-Z]\w*(?:, [A-Z]\w*)*)(?:: .*)? = ", re.M)
@@ -94,6 +94,9 @@ def _apart(line: str) -> list[str]:
 
 def as_markup(lines: list[str], known: dict[tuple[str, str], str]) -> list[str]:
     """A docstring as Sphinx reads it; bars stand for absolute values there, not for substitutions."""
-    return as_lists(
-        [line if line.lstrip().startswith(">>>") else cited(line.replace("|", "\\|"), known) for line in lines]
-    )
+    return as_lists([line if line.lstrip().startswith(">>>") else cited(_escaped(line), known) for line in lines])
+
+
+def _escaped(line: str) -> str:
+    """Bars, and a number with a full stop at the beginning, which would begin a list."""
+    return re.sub(r"^( *\d+)\.", r"\1\.", line.replace("|", "\\|"))

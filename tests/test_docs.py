@@ -132,6 +132,7 @@ def test_docstrings_become_lists_and_links() -> None:
     assert as_markup(["Weideman's (1994), ISO 2813:2014"], known) == [
         ":cite:t:`weideman1994`, ISO 2813:2014 :cite:`iso2813`"
     ]
+    assert as_markup(["1. The surface", "a or b : two"], known) == ["1\\. The surface", "", "- **a or b**: two"]
     lines = ["|S|² (Yan 2018; Nobody 1900).", "a : one;  b : two", "    goes on", "Then prose."]
     assert as_markup(lines, known) == [
         "\\|S\\|² (:cite:t:`yan2018`; Nobody 1900).",
