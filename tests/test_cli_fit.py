@@ -13,7 +13,7 @@ from vgonio import models
 from vgonio.cli import main
 from vgonio.compare import fit_global_shift, open_fit
 from vgonio.errors import InputError
-from vgonio.measure import readers
+from vgonio.measure import formats
 
 DEMO = Path(__file__).resolve().parents[1] / "examples" / "demo" / "measured_virtual.json"
 
@@ -25,9 +25,9 @@ def run(*arguments: str | Path) -> int:
 @pytest.fixture(scope="module")
 def small(tmp_path_factory) -> Path:
     """A small measurement: every other angle and wavelength of the demo's."""
-    data = readers.read(DEMO).isel(wavelength=slice(None, None, 2), theta_i=slice(None, None, 2))
+    data = formats.read(DEMO).isel(wavelength=slice(None, None, 2), theta_i=slice(None, None, 2))
     path = tmp_path_factory.mktemp("data") / "sample.json"
-    return readers.write(data, path)
+    return formats.write(data, path)
 
 
 def test_fit_prints_both_models_and_the_shift(small, capsys):
@@ -65,7 +65,7 @@ def test_several_samples_make_one_table(small, tmp_path, capsys):
     other = models.evaluate(
         "cook-torrance-1982", [0, 30, 60], np.arange(-80, 81, 10), np.arange(400, 701, 50), alpha=0.2
     )
-    readers.write(other, tmp_path / "other.json")
+    formats.write(other, tmp_path / "other.json")
     assert run("fit", small, tmp_path / "other.json", "--json") == 0
     rows = json.loads(capsys.readouterr().out)["models"]
     assert [(r["sample"], r["model"]) for r in rows] == [
@@ -77,7 +77,7 @@ def test_dielectric_with_few_wavelengths(tmp_path, capsys):
     data = models.evaluate(
         "cook-torrance-1982", [0, 30, 60], np.arange(-80, 81, 10), [450, 550, 600, 650], alpha=0.3, eta=1.5, k_d=0.4
     )
-    readers.write(data, tmp_path / "white.json")
+    formats.write(data, tmp_path / "white.json")
     assert run("fit", tmp_path / "white.json", "--material", "none", "--model", "cook-torrance-1982") == 0
     assert "eta = 1.5" in capsys.readouterr().out
 
@@ -88,9 +88,9 @@ def test_list_of_models(capsys):
 
 
 def test_compare_says_how_much_is_explained(small, tmp_path, capsys):
-    data = readers.read(small)
+    data = formats.read(small)
     grid = data.theta_i.values, data.theta_o.values, data.wavelength.values
-    readers.write(models.evaluate("clausen-2022", *grid, alpha=0.364, h=0.9e-3, w=3.0), tmp_path / "half.json")
+    formats.write(models.evaluate("clausen-2022", *grid, alpha=0.364, h=0.9e-3, w=3.0), tmp_path / "half.json")
     assert run("compare", tmp_path / "half.json", small, "--json", "--figures", tmp_path / "f", "--quiet") == 0
     rows = {(r["of"], r["quantity"].split(" (")[0]): r for r in json.loads(capsys.readouterr().out)}
     half = rows["half", "explained share"]
@@ -127,7 +127,7 @@ def test_json_stays_json_with_figures_and_broken_physics_is_noted(tmp_path, caps
     """A slope that turns the spectrum over: the fit finds it, and says that the model is negative there."""
     angles = np.arange(-80, 81, 20)
     data = models.evaluate("clausen-2022", [0, 40, 80], angles, [400, 500, 600, 700, 780], alpha=0.3, h=4e-3, w=3.0)
-    readers.write(data, tmp_path / "steep.json")
+    formats.write(data, tmp_path / "steep.json")
     assert run("fit", tmp_path / "steep.json", "--model", "clausen-2022", "--json", "--figures", tmp_path / "f") == 0
     row = json.loads(capsys.readouterr().out)["models"][0]
     assert "h = 0.004" in row["parameters"]
@@ -145,7 +145,7 @@ def refusal(capsys, *arguments: str | Path) -> str:
 
 def test_a_black_surface_cannot_be_fitted(tmp_path, small, capsys):
     """All values 0: one line, and no file."""
-    readers.write(readers.read(small) * 0, tmp_path / "zero.csv")
+    formats.write(formats.read(small) * 0, tmp_path / "zero.csv")
     assert "no value of the BRDF is positive" in refusal(capsys, "fit", tmp_path / "zero.csv", "-o", tmp_path / "f.nc")
     assert not (tmp_path / "f.nc").exists()
 
@@ -155,7 +155,7 @@ def test_exponents_outside_their_bounds_are_refused(small, capsys, p):
     assert f"--p {p}" in refusal(capsys, "fit", small, "--p", p)
     if p != "foo":
         with pytest.raises(InputError, match="from 0 to 5"):
-            fit_global_shift(readers.read(small), p=float(p))
+            fit_global_shift(formats.read(small), p=float(p))
 
 
 def test_a_bad_range_names_its_option(small, capsys):
@@ -164,7 +164,7 @@ def test_a_bad_range_names_its_option(small, capsys):
 
 def test_two_wavelengths_are_fitted_without_colour(small, tmp_path, capsys):
     """What needs colour is left out with the reason; the parameters are those of the spectrum within the errors."""
-    readers.write(readers.read(small).sel(wavelength=[540, 580]), tmp_path / "two.json")
+    formats.write(formats.read(small).sel(wavelength=[540, 580]), tmp_path / "two.json")
     assert run("fit", tmp_path / "two.json", "--model", "clausen-2022", "--json") == 0
     found = json.loads(capsys.readouterr().out)
     row = found["models"][0]
@@ -184,7 +184,7 @@ def test_where_there_is_no_shift_no_frequency_is_printed(tmp_path, capsys):
         "cook-torrance-1982", [0, 30, 60], np.arange(-80, 81, 10), np.arange(400, 701, 25), alpha=0.3
     )
     noise = 1 + 0.01 * np.random.default_rng(3).standard_normal(data.brdf.shape)
-    readers.write(data.assign(brdf=data.brdf * noise), tmp_path / "flat.json")
+    formats.write(data.assign(brdf=data.brdf * noise), tmp_path / "flat.json")
     assert run("fit", tmp_path / "flat.json", "--model", "clausen-2022", "--p", "1", "--json") == 0
     found = json.loads(capsys.readouterr().out)
     w = next(r for r in found["shift"] if r["quantity"] == "global shift w")
@@ -193,7 +193,7 @@ def test_where_there_is_no_shift_no_frequency_is_printed(tmp_path, capsys):
     parameters = found["models"][0]["parameters"]
     assert "no significant shift" in parameters
     assert "w =" not in parameters
-    readers.write(data, tmp_path / "exact.json")
+    formats.write(data, tmp_path / "exact.json")
     assert run("compare", tmp_path / "flat.json", tmp_path / "exact.json", "--material", "none") == 0
     lines = [line for line in capsys.readouterr().out.splitlines() if "frequency w" in line]
     assert lines

@@ -189,12 +189,12 @@ def wave_groups(scene: Scene) -> dict[str, str]:
 def measured(scene: Scene) -> xr.Dataset:
     """The measured BRDF of [measured]."""
     from . import measure
-    from .measure import readers
+    from .measure import formats
 
     asked = _required(scene.measured, "measured")
     path = scene.resolve(asked.file)
     given = {k: v for k, v in asked.model_dump(exclude={"file"}).items() if v is not None}
-    known = readers.options(readers.FORMATS[readers.recognise(path, asked.format)].read)
+    known = formats.options(formats.FORMATS[formats.recognise(path, asked.format)].read)
     return measure.read(path, **{k: v for k, v in _scene_angles(scene).items() if k in known} | given)
 
 

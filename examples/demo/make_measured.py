@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from vgonio import models
-from vgonio.measure import readers
+from vgonio.measure import formats
 
 # alpha: GGX fitted to the measured in-plane BRDF of the thesis' sample 1 (6.5 bar) by the Rust tool vgonio, 0.3638.
 # h: so that the Fresnel term alone is off by a ΔE₀₀ of up to 12, as thesis section 4.4 says of sample 1.
@@ -46,7 +46,7 @@ def virtual_measurement(seed: int = SEED) -> xr.Dataset:
 
 
 def main(path: str | Path = DEFAULT) -> Path:
-    return readers.write(virtual_measurement(), path, provenance=PROVENANCE.format(**PARAMETERS), digits=4)
+    return formats.write(virtual_measurement(), path, provenance=PROVENANCE.format(**PARAMETERS), digits=4)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from vgonio.compare import delta_e_2000, fit_global_shift, fit_local_shift
-from vgonio.measure import readers
+from vgonio.measure import formats
 from vgonio.models import evaluate
 
 DEMO = Path(__file__).resolve().parents[2] / "examples" / "demo"
@@ -27,7 +27,7 @@ def made() -> ModuleType:
 
 @pytest.fixture(scope="module")
 def measured():
-    return readers.read(DEMO / "measured_virtual.json")
+    return formats.read(DEMO / "measured_virtual.json")
 
 
 def test_grid_size_and_provenance(measured):
@@ -45,7 +45,7 @@ def test_grid_size_and_provenance(measured):
 
 
 def test_the_file_is_what_the_script_makes(made, measured, tmp_path):
-    again = readers.read(made.main(tmp_path / "again.json"))
+    again = formats.read(made.main(tmp_path / "again.json"))
     # one unit of the fourth digit, where another processor may round the other way
     np.testing.assert_allclose(measured.brdf, again.brdf, rtol=1.1e-3)
     assert measured.attrs["provenance"] == again.attrs["provenance"]

@@ -13,7 +13,7 @@ import xarray as xr
 
 from vgonio import compare
 from vgonio.errors import FileFormatError, InputError, VgonioError, VgonioWarning
-from vgonio.measure import readers, tensor_file
+from vgonio.measure import formats, tensor_file
 from vgonio.measure.isotropic import sampled
 from vgonio.measure.readers.checks import reflectance_bound
 
@@ -77,7 +77,7 @@ every_table = pytest.mark.parametrize("write", WRITERS, ids=lambda w: w.__name__
 @every_table
 def test_the_same_data_from_every_table(tmp_path, write):
     """Four formats, one dataset: NIST's has the light on the other side, so its plane of incidence lies at 180°."""
-    data = readers.read(write(tmp_path, rows()))
+    data = formats.read(write(tmp_path, rows()))
     assert data.theta_i.values.tolist() == [0, 40]
     assert data.theta_o.values.tolist() == THETA_O.tolist()
     assert data.wavelength.values.tolist() == list(NM)
@@ -88,7 +88,7 @@ def test_the_same_data_from_every_table(tmp_path, write):
 @every_table
 def test_missing_angles_and_the_retro_direction(tmp_path, write):
     table = [r for r in rows(theta_i=(0, 40)) if r[:2] not in ((40, 40), (0, 0), (40, -20))]
-    data = readers.read(write(tmp_path, table))
+    data = formats.read(write(tmp_path, table))
     assert np.isnan(data.brdf.sel(theta_i=40, theta_o=[40, -20])).all()
     assert np.isnan(data.brdf.sel(theta_i=0, theta_o=0)).all()
     assert int(np.isfinite(data.brdf).sum()) == len(table)
@@ -102,7 +102,7 @@ def test_unsorted(tmp_path, write):
     for k, row in enumerate(table):
         table[k] = (*row[:3], 0.1 + 0.001 * k)
     shuffled = [table[k] for k in np.random.default_rng(0).permutation(len(table))]
-    a, b = (readers.read(write(tmp_path, t)) for t in (table, shuffled))
+    a, b = (formats.read(write(tmp_path, t)) for t in (table, shuffled))
     np.testing.assert_array_equal(a.brdf, b.brdf)
     assert np.all(np.diff(b.theta_o) > 0)
 
@@ -112,19 +112,19 @@ def test_duplicates(tmp_path, write):
     table = [*rows(), *((40, -40, w, 0.5) for w in NM)]
     path = write(tmp_path, table)
     with pytest.raises(FileFormatError, match="appears twice.*duplicates=mean"):
-        readers.read(path)
+        formats.read(path)
     for how, expected in (("mean", 0.4), ("first", 0.3)):
-        found = readers.read(path, duplicates=how).brdf.sel(theta_i=40, theta_o=-40)
+        found = formats.read(path, duplicates=how).brdf.sel(theta_i=40, theta_o=-40)
         np.testing.assert_allclose(found, expected, rtol=1e-12)
     with pytest.raises(InputError, match="did you mean 'mean'"):
-        readers.read(path, duplicates="means")
+        formats.read(path, duplicates="means")
 
 
 def test_the_error_of_merged_duplicates(tmp_path):
     """Two independent readings of error σ have a mean of error σ/√2."""
     text = "theta_i_deg,theta_o_deg,wavelength_nm,brdf_per_sr,brdf_stderr_per_sr\n"
     text += "30,0,550,0.3,0.02\n30,0,550,0.2,0.02\n30,10,550,0.2,0.01\n"
-    data = readers.read(written(tmp_path / "a.csv", text), duplicates="mean")
+    data = formats.read(written(tmp_path / "a.csv", text), duplicates="mean")
     assert data.brdf.values.ravel() == pytest.approx([0.25, 0.2])
     assert data.brdf_stderr.values.ravel() == pytest.approx([0.02 / np.sqrt(2), 0.01])
 
@@ -134,13 +134,13 @@ def test_negative_values(tmp_path, write):
     table = [(i, o, w, -0.01 if (i, o) == (40, 80) else f) for i, o, w, f in rows()]
     path = write(tmp_path, table)
     with pytest.warns(VgonioWarning, match="3 of 102 values are negative, the least -0.01"):
-        data = readers.read(path)
+        data = formats.read(path)
     assert np.isnan(data.brdf.sel(theta_i=40, theta_o=80)).all()
     assert data.attrs["repairs"] == "3 negative values taken as missing"
-    assert (readers.read(path, negative="zero").brdf.sel(theta_i=40, theta_o=80) == 0).all()
-    assert (readers.read(path, negative="keep").brdf.sel(theta_i=40, theta_o=80) == -0.01).all()
+    assert (formats.read(path, negative="zero").brdf.sel(theta_i=40, theta_o=80) == 0).all()
+    assert (formats.read(path, negative="keep").brdf.sel(theta_i=40, theta_o=80) == -0.01).all()
     with pytest.raises(FileFormatError, match="3 of 102 values are negative"):
-        readers.read(path, negative="error")
+        formats.read(path, negative="error")
 
 
 @pytest.mark.parametrize("write", [csv, gonio_json, astm], ids=lambda w: w.__name__)
@@ -148,19 +148,19 @@ def test_missing_and_infinite_values(tmp_path, write):
     table = [(i, o, w, "nan" if (i, o, w) == (40, 80, 550) else f) for i, o, w, f in rows()]
     if write is gonio_json:
         table = [(*r[:3], None if r[3] == "nan" else r[3]) for r in table]
-    data = readers.read(write(tmp_path, table))
+    data = formats.read(write(tmp_path, table))
     assert int(np.isnan(data.brdf).sum()) == 1
     with pytest.raises(FileFormatError, match="no finite"):
-        readers.read(write(tmp_path, [(*r[:3], None if write is gonio_json else "nan") for r in rows()]))
+        formats.read(write(tmp_path, [(*r[:3], None if write is gonio_json else "nan") for r in rows()]))
     if write is not gonio_json:
         with pytest.raises(FileFormatError, match="infinite"):
-            readers.read(write(tmp_path, [*rows()[:-1], (40, 80, 650, "inf")]))
+            formats.read(write(tmp_path, [*rows()[:-1], (40, 80, 650, "inf")]))
 
 
 @every_table
 def test_one_wavelength(tmp_path, write):
     """Read as it is; a shift of the spectrum, and a colour, cannot come of it and say so."""
-    data = readers.read(write(tmp_path, rows(nm=(550,))))
+    data = formats.read(write(tmp_path, rows(nm=(550,))))
     assert data.wavelength.values.tolist() == [550]
     with pytest.raises(InputError, match="wavelength"):
         compare.fit_local_shift(data, material=None)
@@ -171,7 +171,7 @@ def test_one_wavelength(tmp_path, write):
 @every_table
 def test_wavelengths_outside_the_eye(tmp_path, write):
     """Near infrared is a measurement like any other; its colour is refused."""
-    data = readers.read(write(tmp_path, rows(nm=(1000, 1064, 1550))))
+    data = formats.read(write(tmp_path, rows(nm=(1000, 1064, 1550))))
     assert data.wavelength.values.tolist() == [1000, 1064, 1550]
     with pytest.raises(InputError, match="1000"):
         compare.xyz(data)
@@ -181,12 +181,12 @@ def test_wavelengths_outside_the_eye(tmp_path, write):
 def test_micrometres_for_nanometres(tmp_path, write):
     path = write(tmp_path, rows(nm=(0.45, 0.55, 0.65)))
     with pytest.raises(FileFormatError, match="0.45 nm.*wavelength_unit=um"):
-        readers.read(path)
-    data = readers.read(path, wavelength_unit="um")
+        formats.read(path)
+    data = formats.read(path, wavelength_unit="um")
     assert data.wavelength.values.tolist() == [450, 550, 650]
     assert data.attrs["repairs"] == "wavelengths converted from um"
     with pytest.raises(FileFormatError, match="e\\+06 nm"):
-        readers.read(write(tmp_path, rows(nm=(4.5e6,))))
+        formats.read(write(tmp_path, rows(nm=(4.5e6,))))
 
 
 @every_table
@@ -195,14 +195,14 @@ def test_percent_for_a_fraction(tmp_path, write, theta_i):
     """A white standard in percent (π f = 99 %), and as a reflectance factor: more light than falls in is refused."""
     path = write(tmp_path, rows(theta_i=theta_i, value=99.0))
     with pytest.raises(FileFormatError, match="times the light that falls in.*unit=percent"):
-        readers.read(path)
-    assert float(readers.read(path, unit="percent").brdf.max()) == pytest.approx(0.99)
-    factor = readers.read(path, unit="reflectance-factor-percent")
+        formats.read(path)
+    assert float(formats.read(path, unit="percent").brdf.max()) == pytest.approx(0.99)
+    factor = formats.read(path, unit="reflectance-factor-percent")
     assert float(factor.brdf.max()) == pytest.approx(0.99 / np.pi)
     assert "converted from reflectance-factor-percent" in factor.attrs["repairs"]
-    assert float(readers.read(path, unit="sr-1").brdf.max()) == 99.0
+    assert float(formats.read(path, unit="sr-1").brdf.max()) == 99.0
     with pytest.raises(InputError, match="did you mean 'percent'"):
-        readers.read(path, unit="percents")
+        formats.read(path, unit="percents")
 
 
 def test_the_bound_of_the_reflectance(facets):
@@ -224,43 +224,43 @@ def test_signed_polar_angles_and_the_horizon(tmp_path):
     text = "ANGLE_UNITS degrees\nVARS theta_i,phi_i,theta_s,phi_s,550nm\n"
     rows = [(30, 0, -30, 0, 0.3), (30, 0, 10, 0, 0.2), (30, 0, 90, 0, 0.1), (30, 0, 150, 180, 0.1)]
     text += "".join(",".join(map(str, r)) + "\n" for r in rows)
-    data = readers.read(written(tmp_path / "a.astm", text))
+    data = formats.read(written(tmp_path / "a.astm", text))
     assert data.theta_o.values.tolist() == [-30, 10]
     assert data.brdf.values.ravel().tolist() == [0.3, 0.2]
     assert data.attrs["repairs"] == "2 rows at the horizon or below left out"
     with pytest.raises(FileFormatError, match="90° is not allowed"):
-        readers.read(written(tmp_path / "b.astm", "\n".join(text.splitlines()[:2] + ["30,0,90,0,0.1"]) + "\n"))
+        formats.read(written(tmp_path / "b.astm", "\n".join(text.splitlines()[:2] + ["30,0,90,0,0.1"]) + "\n"))
     with pytest.raises(FileFormatError, match="polar angle 95° is not allowed"):
-        readers.read(written(tmp_path / "c.astm", text + "95,0,10,0,0.3\n"))
+        formats.read(written(tmp_path / "c.astm", text + "95,0,10,0,0.3\n"))
 
 
 def test_normal_incidence_alone_keeps_its_sides(tmp_path):
     """Light along the normal has no azimuth: +θ_o stays at φ = 0."""
-    data = readers.read(csv(tmp_path, [(0, -80, 550, 0.1), (0, 20, 550, 0.2)]))
+    data = formats.read(csv(tmp_path, [(0, -80, 550, 0.1), (0, 20, 550, 0.2)]))
     assert data.theta_o.values.tolist() == [-80, 20]
     assert float(data.phi_i) == 0
 
 
 def test_a_text_of_no_known_content_goes_to_the_text_format(tmp_path):
     with pytest.raises(FileFormatError, match="no Zemax BSDF"):
-        readers.read(written(tmp_path / "a.bsdf", "hello\n"))
+        formats.read(written(tmp_path / "a.bsdf", "hello\n"))
     (tmp_path / "b.bsdf").write_bytes(b"hello\0\1")
     with pytest.raises(FileFormatError, match="no tensor file"):
-        readers.read(tmp_path / "b.bsdf")
+        formats.read(tmp_path / "b.bsdf")
 
 
 def test_options_of_other_formats(tmp_path):
     with pytest.raises(InputError, match="reading csv knows no option 'wavelength_nm'"):
-        readers.read(csv(tmp_path, rows()), wavelength_nm=550)
+        formats.read(csv(tmp_path, rows()), wavelength_nm=550)
     with pytest.raises(InputError, match="negative = 'drop'"):
-        readers.read(csv(tmp_path, rows()), negative="drop")
+        formats.read(csv(tmp_path, rows()), negative="drop")
 
 
 def test_azimuths_of_several_planes_of_incidence(tmp_path):
     text = "theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,wavelength_nm,brdf_per_sr\n"
     text += "30,0,20,90,550,0.3\n30,45,20,90,550,0.3\n"
     with pytest.raises(FileFormatError, match="light from 2 azimuths"):
-        readers.read(written(tmp_path / "a.csv", text))
+        formats.read(written(tmp_path / "a.csv", text))
 
 
 # ---- damaged files
@@ -270,14 +270,14 @@ def samples(folder, facets):
     cells, plane = sampled(brdf, [0, 40], resolution_deg=30), sampled(brdf, [0, 40], THETA_O)
     return {
         "nist-csv": nist(folder, rows()).rename(folder / "nist.csv"),
-        "csv": readers.write(plane, folder / "a.csv"),
-        "gonio-json": readers.write(plane, folder / "a.json", digits=4),
-        "astm": readers.write(cells, folder / "a.astm", digits=4),
-        "zemax": readers.write(
+        "csv": formats.write(plane, folder / "a.csv"),
+        "gonio-json": formats.write(plane, folder / "a.json", digits=4),
+        "astm": formats.write(cells, folder / "a.astm", digits=4),
+        "zemax": formats.write(
             cells, folder / "z.bsdf", format="zemax", wavelength_nm=550, radial_deg=[0, 20, 90], azimuth_deg=[0, 180]
         ),
-        "rgl": readers.write(cells, folder / "r.bsdf", resolution=4, theta_i_deg=[0, 60]),
-        "netcdf": readers.write(plane, folder / "a.nc"),
+        "rgl": formats.write(cells, folder / "r.bsdf", resolution=4, theta_i_deg=[0, 60]),
+        "netcdf": formats.write(plane, folder / "a.nc"),
     }
 
 
@@ -310,7 +310,7 @@ def test_damaged_files_are_refused_or_read(tmp_path, facets, name):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
-                data = readers.read(path, format=name)
+                data = formats.read(path, format=name)
                 assert {"theta_i", "wavelength"} <= set(data.brdf.dims)
             except VgonioError as e:
                 refused += 1
@@ -340,7 +340,7 @@ def test_huge_announcements_allocate_nothing(tmp_path):
     for name, content in cases.items():
         (tmp_path / name).write_bytes(content)
         with pytest.raises(FileFormatError):
-            readers.read(tmp_path / name)
+            formats.read(tmp_path / name)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 20e6
@@ -353,7 +353,7 @@ def test_scattered_angles_do_not_fill_memory(tmp_path):
     text = "theta_i_deg,theta_o_deg,wavelength_nm,brdf_per_sr\n" + "".join(f"{i},{o},550,0.3\n" for i, o in angles)
     tracemalloc.start()
     with pytest.raises(FileFormatError, match="grid of"):
-        readers.read(written(tmp_path / "a.csv", text))
+        formats.read(written(tmp_path / "a.csv", text))
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 200e6
@@ -366,4 +366,4 @@ def test_noise_of_any_name_is_an_error(tmp_path, noise):
         path = tmp_path / f"a{suffix}"
         path.write_bytes(rng.integers(0, 256, rng.integers(1, 3000), dtype=np.uint8).tobytes())
         with pytest.raises(FileFormatError):
-            readers.read(path)
+            formats.read(path)

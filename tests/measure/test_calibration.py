@@ -7,7 +7,7 @@ import pytest
 
 from vgonio.directions import half_vectors, unit_vectors
 from vgonio.errors import FileFormatError, InputError
-from vgonio.measure import readers
+from vgonio.measure import formats
 from vgonio.measure.calibration import (
     Spectrometer,
     Tilt,
@@ -190,7 +190,7 @@ def test_nist_ptfe_as_the_standard(shared):
     Calibrated at 533 nm against the whole in-plane BRDF; the round trip leaves the noise, below 0.2 %. Taken for a
     Lambertian of its reflectance instead, the factor would be off by what grazing angles lack.
     """
-    ptfe = readers.read(shared / "data" / "nist_ptfe" / "PTFE.data.csv")
+    ptfe = formats.read(shared / "data" / "nist_ptfe" / "PTFE.data.csv")
     brdf = isotropic(ptfe, "azimuth")
     instrument = Instrument(aperture_deg=0, divergence_deg=0, bandwidth_nm=0, repeatability_deg=0)
     seen = instrument.seen(brdf, [10, 40], np.arange(-70, 71, 10))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vgonio.errors import InputError
-from vgonio.measure import readers
+from vgonio.measure import formats
 from vgonio.measure.cross_validation import cross_validate, grazing_spectra
 from vgonio.measure.isotropic import sampled
 
@@ -93,7 +93,7 @@ def test_ptfe_tilts_with_the_side(shared):
     Slopes of f over its mean in 10⁻⁵/nm at θ_o = −60° and +60°: 4.9 ± 1.3 and −2.7 ± 0.7 at θ_i = 45°, 7.2 ± 3.7 and
     −3.6 ± 3.4 at 75°; at normal incidence both are alike. Four wavelengths, and errors from the residuals alone.
     """
-    ptfe = readers.read(shared / "data" / "nist_ptfe" / "PTFE.data.csv")
+    ptfe = formats.read(shared / "data" / "nist_ptfe" / "PTFE.data.csv")
 
     def sides(theta_i):
         out = grazing_spectra({"nist": ptfe}, theta_i_deg=theta_i, theta_o_deg=[-60, 60])
@@ -108,7 +108,7 @@ def test_ptfe_tilts_with_the_side(shared):
 
 
 def test_ptfe_against_itself(shared):
-    ptfe = readers.read(shared / "data" / "nist_ptfe" / "PTFE.data.csv")
+    ptfe = formats.read(shared / "data" / "nist_ptfe" / "PTFE.data.csv")
     rows = cross_validate({"a": ptfe, "b": ptfe.assign(brdf=ptfe.brdf * 1.01)}, reference="a", wavelength_nm=633)
     assert rows[-1]["mean"] == pytest.approx(0.01)
     assert rows[-1]["theta_i_deg"] is None

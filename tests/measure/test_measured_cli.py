@@ -12,7 +12,7 @@ import vgonio as vg
 from vgonio import scene
 from vgonio.assembly import measured
 from vgonio.cli import main
-from vgonio.measure import readers
+from vgonio.measure import formats
 from vgonio.measure.calibration import calibration_factor, lambertian_standard
 from vgonio.measure.instrument import Instrument
 from vgonio.measure.isotropic import sampled
@@ -20,12 +20,12 @@ from vgonio.measure.isotropic import sampled
 
 @pytest.fixture
 def plane(tmp_path, facets):
-    return readers.write(sampled(facets(0.4, 0.3), [0, 30, 60]), tmp_path / "sample.json")
+    return formats.write(sampled(facets(0.4, 0.3), [0, 30, 60]), tmp_path / "sample.json")
 
 
 def test_convert_and_back(tmp_path, plane, capsys):
     """JSON to every other format and back: in plane within what each keeps."""
-    data = readers.read(plane)
+    data = formats.read(plane)
     for name, options, tolerance in (
         ("a.csv", [], 1e-8),
         ("a.astm", [], 1e-8),
@@ -34,7 +34,7 @@ def test_convert_and_back(tmp_path, plane, capsys):
     ):
         assert main(["measured", "convert", str(plane), str(tmp_path / name), *options]) == 0
         asked = {} if name != "a.bsdf" else {"theta_i_deg": [0, 30, 60], "theta_o_deg": np.arange(-75, 76, 5)}
-        back = readers.read(tmp_path / name, **asked)
+        back = formats.read(tmp_path / name, **asked)
         expected = data.brdf.sel(theta_o=asked.get("theta_o_deg", data.theta_o))
         np.testing.assert_allclose(back.brdf, expected, rtol=tolerance, err_msg=name)
     assert "in plane" in capsys.readouterr().out
@@ -44,7 +44,7 @@ def test_options_go_where_they_are_known(tmp_path, plane, capsys):
     target = tmp_path / "z.bsdf"
     command = ["measured", "convert", str(plane), str(target), "--to", "zemax", "--fill", "azimuth"]
     assert main([*command, "--set", "wavelength_nm=550", "--set", "negative=error"]) == 0
-    assert readers.recognise(target) == "zemax"
+    assert formats.recognise(target) == "zemax"
     assert main(["measured", "info", str(target), "--json", "--set", "theta_o_deg=[-30, 0, 30]"]) == 0
     out = capsys.readouterr().out
     facts = json.loads(out[out.index("{") :])
@@ -79,11 +79,11 @@ def test_bad_requests_are_one_line(tmp_path, plane, monkeypatch, capsys, argumen
 
 def test_one_group_of_a_result(tmp_path, plane, capsys):
     """FILE:GROUP where a result holds several BRDFs; without it the error says so."""
-    data = readers.read(plane)
+    data = formats.read(plane)
     result = tmp_path / "result.nc"
     vg.save(xr.DataTree.from_dict({"rays": data, "waves": data.map(lambda v: v * 2)}), result)
     assert main(["measured", "convert", f"{result}:waves", str(tmp_path / "w.csv"), "--set", "digits=12"]) == 0
-    np.testing.assert_allclose(readers.read(tmp_path / "w.csv").brdf, 2 * data.brdf, rtol=1e-10)
+    np.testing.assert_allclose(formats.read(tmp_path / "w.csv").brdf, 2 * data.brdf, rtol=1e-10)
     assert main(["measured", "info", str(result)]) == 2
     assert "FILE:GROUP" in capsys.readouterr().err
     assert main(["measured", "info", f"{result}:wave"]) == 2
@@ -91,7 +91,7 @@ def test_one_group_of_a_result(tmp_path, plane, capsys):
 
 
 def test_cross_validate(tmp_path, plane, capsys):
-    other = readers.write(readers.read(plane).map(lambda v: v * 1.02), tmp_path / "other.csv", digits=17)
+    other = formats.write(formats.read(plane).map(lambda v: v * 1.02), tmp_path / "other.csv", digits=17)
     assert main(["measured", "cross-validate", str(plane), str(other), "--reference", "sample.json", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
     assert [r["theta_i_deg"] for r in rows] == [0, 30, 60, None]
@@ -126,20 +126,20 @@ def test_calibrate(tmp_path, facets, capsys):
     }
     for name, data in files.items():
         counts_csv(tmp_path / name, data)
-    standard = readers.write(paper, tmp_path / "standard.json")
+    standard = formats.write(paper, tmp_path / "standard.json")
     out = tmp_path / "out.json"
     command = ["measured", "calibrate", str(tmp_path / "sample.csv"), "--white", str(tmp_path / "white.csv")]
     command += ["--standard", str(standard), "-o", str(out)]
     assert main([*command, "--standard-nm", "all"]) == 0
     assert "17 angles" in capsys.readouterr().out
-    found = readers.read(out)
+    found = formats.read(out)
     pull = (found.brdf - sample.brdf) / found.brdf_stderr
     assert float((pull**2).mean()) < 2  # the standard is exact here, its stated 0.2 % only widens the errors
     assert float(np.abs(pull).max()) < 4.5
     assert float(np.abs(found.brdf / sample.brdf - 1).median()) < 0.01
     # the standard at 550 nm for all: the spectrum tilts by that of the standard
     assert main([*command, "--standard-nm", "550"]) == 0
-    ratio = (readers.read(out).brdf / found.brdf).mean(["theta_i", "theta_o"])
+    ratio = (formats.read(out).brdf / found.brdf).mean(["theta_i", "theta_o"])
     np.testing.assert_allclose(ratio, [0.95 / 0.9, 1, 0.95 / 0.97], rtol=1e-6)
     assert main([*command, "--standard-nm", "green"]) == 2
     assert "a wavelength in nm or all" in capsys.readouterr().err
@@ -149,7 +149,7 @@ def test_calibrate(tmp_path, facets, capsys):
 def test_formats_are_listed(capsys):
     assert main(["measured", "formats", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
-    assert {r["format"] for r in rows} == set(readers.FORMATS)
+    assert {r["format"] for r in rows} == set(formats.FORMATS)
     assert [r["format"] for r in rows if r["can"] == "read"] == ["nist-csv"]
 
 
@@ -166,7 +166,7 @@ def loaded(**measured_table):
 def test_a_scene_reads_at_its_own_angles(tmp_path, facets):
     """MERL and RGL are functions of two directions: in a scene they are read at the angles of light and detector."""
     brdf = facets(0.4, 0.3)
-    readers.write(sampled(brdf), tmp_path / "a.bsdf", fill=brdf)
+    formats.write(sampled(brdf), tmp_path / "a.bsdf", fill=brdf)
     data = measured(loaded(file=str(tmp_path / "a.bsdf")))
     assert data.theta_i.values.tolist() == [0, 20]
     assert data.theta_o.values.tolist() == [-40, -20, 10]
@@ -175,8 +175,8 @@ def test_a_scene_reads_at_its_own_angles(tmp_path, facets):
 
 
 def test_a_scene_names_the_unit(tmp_path, plane):
-    data = readers.read(plane)
-    percent = readers.write(data.map(lambda v: v * 100), tmp_path / "percent.json")
+    data = formats.read(plane)
+    percent = formats.write(data.map(lambda v: v * 100), tmp_path / "percent.json")
     found = measured(loaded(file=str(percent), unit="percent"))
     np.testing.assert_allclose(found.brdf, data.brdf, rtol=1e-12)
 
@@ -207,7 +207,7 @@ def test_impossible_calibrations_write_nothing(tmp_path, capsys, changed, option
     counts_csv(tmp_path / "white.csv", rows(counts * changed.get("white", 1.0)))
     standard = changed.get("standard", 1.0)
     one = paper.isel(theta_o=[0]).assign_coords(theta_o=[0.0])
-    readers.write(one if standard == "one angle" else paper * standard, tmp_path / "standard.csv")
+    formats.write(one if standard == "one angle" else paper * standard, tmp_path / "standard.csv")
     out = tmp_path / "out.json"
     command = ["measured", "calibrate", str(tmp_path / "sample.csv"), "--white", str(tmp_path / "white.csv")]
     command += ["--standard", str(tmp_path / "standard.csv"), "-o", str(out), *options]

@@ -11,7 +11,7 @@ import xarray as xr
 from vgonio import models
 from vgonio.dataset import label
 from vgonio.errors import FileFormatError, InputError
-from vgonio.measure import readers
+from vgonio.measure import formats
 
 HEAD = {"wavelengths": [450.0, 550.0, 650.0]}
 
@@ -45,7 +45,7 @@ def test_signed_angles_and_sorting(tmp_path):
         element(0, 0, 20, 180, (6, 4, 5)),
         element(30, 0, 30, 180, (9, 7, 8)),
     ]
-    data = readers.read(written(tmp_path, content))
+    data = formats.read(written(tmp_path, content))
     assert data.theta_i.values.tolist() == [0, 30]
     assert data.theta_o.values.tolist() == [-30, -20, 40]
     assert data.wavelength.values.tolist() == [450, 550, 650]
@@ -62,7 +62,7 @@ def test_signed_angles_and_sorting(tmp_path):
 
 def test_light_from_the_far_side_is_turned(tmp_path):
     content = [HEAD, element(30, 180, 30, 0, (1, 2, 3)), element(0, 0, 20, 180, (4, 5, 6))]
-    data = readers.read(written(tmp_path, content))
+    data = formats.read(written(tmp_path, content))
     assert float(data.phi_i) == 180
     assert data.brdf.sel(theta_i=30, theta_o=-30).values.tolist() == [1, 2, 3]
     assert data.brdf.sel(theta_i=0, theta_o=20).values.tolist() == [4, 5, 6]
@@ -73,7 +73,7 @@ def test_retro_pair_is_absent_and_counted(tmp_path):
     content = [HEAD] + [
         element(abs(i), 0, abs(o), 0 if o > 0 else 180, (1, 1, 1)) for i in (10, 30) for o in angles if i != o
     ]
-    data = readers.read(written(tmp_path, content[:5] + content[6:]))
+    data = formats.read(written(tmp_path, content[:5] + content[6:]))
     assert np.isnan(data.brdf.sel(theta_i=10, theta_o=10)).all()
     assert (data.attrs["pairs_measured"], data.attrs["pairs_missing_retro"], data.attrs["pairs_missing"]) == (5, 2, 1)
 
@@ -85,8 +85,8 @@ def test_round_trip_is_exact(tmp_path, dataset, plane, with_error):
     if with_error:
         dataset["brdf_stderr"] = 0.02 * dataset.brdf
     dataset = label(dataset)
-    path = readers.write(dataset, tmp_path / "a.json", provenance="made by a test")
-    back = readers.read(path)
+    path = formats.write(dataset, tmp_path / "a.json", provenance="made by a test")
+    back = formats.read(path)
     # the grid comes back whole because every angle has at least one pair
     for name in ("theta_i", "theta_o", "wavelength", "brdf", *(["brdf_stderr"] if with_error else [])):
         np.testing.assert_array_equal(back[name], dataset[name])
@@ -97,23 +97,23 @@ def test_round_trip_is_exact(tmp_path, dataset, plane, with_error):
 
 
 def test_rounding(tmp_path, dataset):
-    back = readers.read(readers.write(dataset, tmp_path / "a.json", digits=3))
+    back = formats.read(formats.write(dataset, tmp_path / "a.json", digits=3))
     # half a unit of the third digit is at most 5e-3 of the value
     np.testing.assert_allclose(back.brdf, dataset.brdf, rtol=5e-3)
     assert abs(back.brdf / dataset.brdf - 1).max() > 1e-6
 
 
 def test_netcdf_round_trip(tmp_path, dataset):
-    path = readers.write(dataset, tmp_path / "a.nc")
-    xr.testing.assert_equal(readers.read(path), dataset)
+    path = formats.write(dataset, tmp_path / "a.nc")
+    xr.testing.assert_equal(formats.read(path), dataset)
     tree = xr.DataTree.from_dict({"rays": dataset, "measured": 2 * dataset})
     from vgonio.measure import storage
 
     storage.save(tree, tmp_path / "tree.nc")
-    np.testing.assert_array_equal(readers.read(tmp_path / "tree.nc").brdf, 2 * dataset.brdf)
+    np.testing.assert_array_equal(formats.read(tmp_path / "tree.nc").brdf, 2 * dataset.brdf)
     storage.save(xr.DataTree.from_dict({"rays": dataset, "waves": dataset}), tmp_path / "two.nc")
     with pytest.raises(FileFormatError, match="several BRDFs"):
-        readers.read(tmp_path / "two.nc")
+        formats.read(tmp_path / "two.nc")
 
 
 def test_a_dataset_saved_by_itself_opens_again(tmp_path, dataset):
@@ -157,55 +157,55 @@ def test_a_dataset_saved_by_itself_opens_again(tmp_path, dataset):
 )
 def test_bad_json_is_one_clear_error(tmp_path, content, message):
     with pytest.raises(FileFormatError, match=message) as caught:
-        readers.read(written(tmp_path, content))
+        formats.read(written(tmp_path, content))
     assert "\n" not in str(caught.value)
     assert "sample.json" in str(caught.value)
 
 
 def test_missing_foreign_and_unknown_files(tmp_path):
     with pytest.raises(FileFormatError, match="no such file"):
-        readers.read(tmp_path / "absent.json")
+        formats.read(tmp_path / "absent.json")
     with pytest.raises(FileFormatError, match="is a folder"):
-        readers.read(tmp_path)
+        formats.read(tmp_path)
     with pytest.raises(FileFormatError, match="no known format.*gonio-json"):
-        readers.read(written(tmp_path, "hello", "a.xyz"))
+        formats.read(written(tmp_path, "hello", "a.xyz"))
     (tmp_path / "binary.json").write_bytes(b"\x93\xff\x00\x01" * 10)
-    with pytest.raises(FileFormatError, match="no text file"):
-        readers.read(tmp_path / "binary.json")
+    with pytest.raises(FileFormatError, match="no text in UTF-8"):
+        formats.read(tmp_path / "binary.json")
     with pytest.raises(FileFormatError, match="NIST"):
-        readers.read(written(tmp_path, "a,b,c\n1,2,3\n", "a.csv"), format="nist-csv")
+        formats.read(written(tmp_path, "a,b,c\n1,2,3\n", "a.csv"), format="nist-csv")
     with pytest.raises(FileFormatError, match="no column theta_i"):
-        readers.read(written(tmp_path, "a,b,c\n1,2,3\n", "a.csv"))
+        formats.read(written(tmp_path, "a,b,c\n1,2,3\n", "a.csv"))
     with pytest.raises(FileFormatError, match="truncated"):
-        readers.read(written(tmp_path, "lambda,thetai,phi,thetar,phir,f_r11\n0.5,0\n", "b.csv"))
+        formats.read(written(tmp_path, "lambda,thetai,phi,thetar,phir,f_r11\n0.5,0\n", "b.csv"))
     (tmp_path / "a.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + b"\0" * 20)
     with pytest.raises(FileFormatError, match="NetCDF"):
-        readers.read(tmp_path / "a.nc")
+        formats.read(tmp_path / "a.nc")
     with pytest.raises(InputError, match="did you mean 'gonio-json'"):
-        readers.read(written(tmp_path, [HEAD, element()]), format="gonio-jsn")
+        formats.read(written(tmp_path, [HEAD, element()]), format="gonio-jsn")
 
 
 def test_content_decides_where_the_suffix_is_another(tmp_path):
     path = written(tmp_path, [HEAD, element()], "sample.txt")
-    assert readers.read(path).brdf.size == 3
+    assert formats.read(path).brdf.size == 3
 
 
 def test_what_cannot_be_written(tmp_path, dataset):
     path = tmp_path / "a.json"
     with pytest.raises(InputError, match="phi_i"):
-        readers.write(dataset.assign_coords(phi_i=45.0), path)
+        formats.write(dataset.assign_coords(phi_i=45.0), path)
     with pytest.raises(InputError, match="suffix"):
-        readers.write(dataset, tmp_path / "a.xyz")
+        formats.write(dataset, tmp_path / "a.xyz")
     with pytest.raises(InputError, match="nist-csv"):
-        readers.write(dataset, path, format="nist-csv")
+        formats.write(dataset, path, format="nist-csv")
     with pytest.raises(InputError, match="in-plane"):
-        readers.write(dataset.rename(theta_o="cell"), path)
+        formats.write(dataset.rename(theta_o="cell"), path)
     with pytest.raises(InputError, match="no finite"):
-        readers.write(dataset.where(False), path)
+        formats.write(dataset.where(False), path)
     with pytest.raises(FileFormatError, match="brdf"):
-        readers.write(dataset.rename(brdf="f"), path)
+        formats.write(dataset.rename(brdf="f"), path)
     with pytest.raises(FileFormatError, match="cannot write"):
-        readers.write(dataset, tmp_path / "no" / "a.json")
+        formats.write(dataset, tmp_path / "no" / "a.json")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -216,7 +216,7 @@ def test_nist_on_the_hemisphere(shared, agreement):
     (0.981 … 0.986), although the table ends at 80° and the nearest values are taken beyond.
     """
     path = shared / "data" / "nist_ptfe" / "PTFE.data.csv"
-    whole, plane = readers.read(path, hemisphere=True), readers.read(path)
+    whole, plane = formats.read(path, hemisphere=True), formats.read(path)
     assert whole.brdf.dims == ("theta_i", "cell", "wavelength")
     assert whole.sizes["cell"] == 305
     assert float(whole.phi_i) == 180
@@ -239,7 +239,7 @@ def test_nist_on_the_hemisphere(shared, agreement):
 
 def test_nist_in_plane_table(shared):
     """108 in-plane geometries per wavelength; PTFE at grazing incidence scatters forward: more on the mirror side."""
-    data = readers.read(shared / "data" / "nist_ptfe" / "PTFE.data.csv")
+    data = formats.read(shared / "data" / "nist_ptfe" / "PTFE.data.csv")
     assert data.wavelength.values.tolist() == [351, 532, 633, 1064]
     assert np.isfinite(data.brdf).sum("theta_i").sum("theta_o").values.tolist() == [108] * 4
     # the row 0.532,-75,0,64.1581,180 → 2.89E-01 of the file, and its counterpart at φ_r = 0

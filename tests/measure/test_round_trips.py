@@ -12,7 +12,7 @@ from vgonio import models
 from vgonio.dataset import label
 from vgonio.directions import unit_vectors
 from vgonio.errors import FileFormatError, InputError
-from vgonio.measure import readers
+from vgonio.measure import formats
 from vgonio.measure.isotropic import isotropic, sampled
 from vgonio.measure.readers import merl, rgl, zemax
 
@@ -32,7 +32,7 @@ def in_plane() -> xr.Dataset:
 @pytest.mark.parametrize("plane", [0.0, 40.0])
 def test_csv_in_plane(tmp_path, in_plane, plane):
     data = in_plane.assign_coords(phi_i=plane)
-    back = readers.read(readers.write(data, tmp_path / "a.csv", digits=17))
+    back = formats.read(formats.write(data, tmp_path / "a.csv", digits=17))
     for name in ("theta_i", "theta_o", "wavelength", "brdf", "brdf_stderr"):
         np.testing.assert_array_equal(back[name], data[name])
     assert float(back.phi_i) == plane
@@ -44,7 +44,7 @@ def test_csv_in_plane(tmp_path, in_plane, plane):
 def test_hemisphere_in_tables(tmp_path, name, facets):
     """Every cell comes back with its value; solid angles are those of nearest neighbours, 2π together."""
     data = sampled(facets(0.4, 0.2), [0, 40], resolution_deg=15)
-    back = readers.read(readers.write(data, tmp_path / name, digits=17))
+    back = formats.read(formats.write(data, tmp_path / name, digits=17))
     assert back.brdf.dims == ("theta_i", "cell", "wavelength")
     order = np.lexsort((np.round(data.phi_o, 6), np.round(data.theta_o, 6)))
     np.testing.assert_allclose(back.theta_o, data.theta_o[order], atol=1e-6)
@@ -59,7 +59,7 @@ def test_csv_units_are_stated_or_recognised(tmp_path):
     def rows(header, line, separator=","):
         path = tmp_path / "a.csv"
         path.write_text("# a comment\n" + separator.join(header) + "\n" + separator.join(map(str, line)) + "\n")
-        return readers.read(path)
+        return formats.read(path)
 
     plain = ("theta_i_deg", "theta_o_deg", "wavelength_nm", "brdf_per_sr")
     value = 0.25
@@ -90,7 +90,7 @@ def test_csv_units_are_stated_or_recognised(tmp_path):
 # ---- ASTM
 def test_astm_in_plane(tmp_path, in_plane):
     """Radians of ten decimals; a pair with a gap cannot be written."""
-    back = readers.read(readers.write(in_plane, tmp_path / "a.astm", digits=17))
+    back = formats.read(formats.write(in_plane, tmp_path / "a.astm", digits=17))
     expected = in_plane.brdf.where(np.isfinite(in_plane.brdf).all("wavelength"))
     np.testing.assert_allclose(back.theta_o, in_plane.theta_o, atol=1e-6)
     np.testing.assert_array_equal(back.brdf, expected)
@@ -101,27 +101,27 @@ def test_astm_as_others_write_it(tmp_path):
     """Degrees, channels, a single column with its wavelength in the header, mirror direction φ_s = φ_i + 180°."""
     path = tmp_path / "a.astm"
     path.write_text("ANGLE_UNITS degrees\nWAVELENGTH 0.633 um\nVARS theta_i,phi_i,theta_s,phi_s,BSDF\n1,0,1,180,0.5\n")
-    data = readers.read(path)
+    data = formats.read(path)
     assert (data.theta_i.item(), data.theta_o.item(), data.wavelength.item(), data.brdf.item()) == (1, -1, 633, 0.5)
     path.write_text("NUM_POINTS 1\nVARS theta_i,phi_i,theta_r,phi_r,R,G,B\n0.5,0,0.5,3.14159265359,0.3,0.2,0.1\n")
-    data = readers.read(path)
+    data = formats.read(path)
     assert data.theta_o.item() == pytest.approx(-np.degrees(0.5), abs=1e-6)
     assert data.brdf.values.ravel().tolist() == [0.1, 0.2, 0.3]  # sorted by wavelength: blue first
     assert "nominal" in data.attrs["channels"]
     path.write_text("VARS theta_i,phi_i,theta_r,phi_r,BSDF\n0.5,0,0.5,3.14159265359,0.3\n")
     with pytest.raises(FileFormatError, match="give wavelength_nm"):
-        readers.read(path)
-    assert readers.read(path, wavelength_nm=532).wavelength.item() == 532
+        formats.read(path)
+    assert formats.read(path, wavelength_nm=532).wavelength.item() == 532
     path.write_text("NUM_POINTS 2\nVARS theta_i,phi_i,theta_r,phi_r,550nm\n0.5,0,0.5,3.14159265359,0.3\n")
     with pytest.raises(FileFormatError, match="announces 2 points and holds 1"):
-        readers.read(path)
+        formats.read(path)
 
 
 # ---- MERL
 def test_merl(tmp_path, facets):
     """Bins hold the BRDF at their middles to float64; between them the error is that of linear interpolation."""
     brdf = facets(0.4, 0.3, np.array([464.0, 549.0, 611.0]))
-    path = readers.write(sampled(brdf), tmp_path / "a.binary", fill=brdf)
+    path = formats.write(sampled(brdf), tmp_path / "a.binary", fill=brdf)
     assert path.stat().st_size == 12 + 8 * 3 * 90 * 90 * 180
     assert struct.unpack("<3i", path.read_bytes()[:12]) == (90, 90, 180)
     loaded, note = merl.load(path)
@@ -133,7 +133,7 @@ def test_merl(tmp_path, facets):
     wi, wo = directions(*place)
     above = np.minimum(wi[:, 2], wo[:, 2]) > 0.05
     np.testing.assert_allclose(loaded(wi[above], wo[above])[:, ::-1], brdf(wi[above], wo[above]), rtol=1e-9)
-    back = readers.read(path, theta_i_deg=[0, 30, 60], theta_o_deg=np.arange(-75, 76, 5))
+    back = formats.read(path, theta_i_deg=[0, 30, 60], theta_o_deg=np.arange(-75, 76, 5))
     # bins of θ_d are 1° wide, the curvature of the BRDF is at most (1/0.1 rad)²: h²/8 · 100 = 0.4 %
     np.testing.assert_allclose(back.brdf, sampled(brdf, [0, 30, 60], np.arange(-75, 76, 5)).brdf, rtol=4e-3)
     assert back.wavelength.values.tolist() == [464, 549, 611]
@@ -162,7 +162,7 @@ def test_merl_layout_against_its_definition(tmp_path, pairs):
 def test_zemax(tmp_path, facets):
     """At the table's own directions, about the mirror direction, values come back to the six digits of the file."""
     brdf = facets(0.3, 0.1)
-    path = readers.write(sampled(brdf, [0, 20, 45]), tmp_path / "a.bsdf", format="zemax", fill=brdf, wavelength_nm=550)
+    path = formats.write(sampled(brdf, [0, 20, 45]), tmp_path / "a.bsdf", format="zemax", fill=brdf, wavelength_nm=550)
     loaded, theta_i, attrs = zemax.load(path)
     assert theta_i.tolist() == [0, 20, 45]
     assert loaded.wavelength.tolist() == [550]
@@ -176,7 +176,7 @@ def test_zemax(tmp_path, facets):
     cells = sampled(brdf, [0, 20, 45], resolution_deg=2)
     total = (cells.brdf.sel(wavelength=550) * np.cos(np.radians(cells.theta_o)) * cells.solid_angle).sum("cell")
     np.testing.assert_allclose([float(t) for t in attrs["tis"].split(",")], total, rtol=0.015)
-    back = readers.read(path)
+    back = formats.read(path)
     assert back.theta_i.values.tolist() == [0, 20, 45]
     # in plane, at the specular direction and 25° off to both sides
     assert back.brdf.sel(theta_i=20, theta_o=-20).item() == pytest.approx(
@@ -194,7 +194,7 @@ def test_zemax_over_the_whole_circle(tmp_path):
         text = ZEMAX.format(symmetry="Asymmetrical", kind="BRDF", n=len(azimuth.split()), azimuth=azimuth, block=block)
         (tmp_path / "a.bsdf").write_text(text)
         found.append(
-            readers.read(tmp_path / "a.bsdf", wavelength_nm=633, theta_i_deg=[30], resolution_deg=15, unit="sr-1")
+            formats.read(tmp_path / "a.bsdf", wavelength_nm=633, theta_i_deg=[30], resolution_deg=15, unit="sr-1")
         )
     assert np.isfinite(found[0].brdf).any()
     np.testing.assert_allclose(found[0].brdf, found[1].brdf, rtol=1e-9)
@@ -230,19 +230,19 @@ def test_zemax_as_others_write_it(tmp_path):
     given = {"symmetry": "PlaneSymmetrical", "kind": "BRDF", "n": 2, "azimuth": "0 180", "block": "3 2 1\n3 1 0"}
     path.write_text(ZEMAX.format(**given))
     with pytest.raises(FileFormatError, match="wavelength_nm"):
-        readers.read(path)
-    data = readers.read(path, wavelength_nm=633, theta_i_deg=[30], theta_o_deg=[-60, -30, 0, 30], unit="sr-1")
+        formats.read(path)
+    data = formats.read(path, wavelength_nm=633, theta_i_deg=[30], theta_o_deg=[-60, -30, 0, 30], unit="sr-1")
     # −30° is the mirror direction; 0° and 30° lie towards the normal and beyond, −60° away from it
     assert data.brdf.values.ravel() == pytest.approx([1.0, 3.0, 2.0, 1.5])
     path.write_text(ZEMAX.format(**given | {"symmetry": "ASymmetrical", "azimuth": "0 270", "block": "3 2 1\n3 1 0"}))
-    data = readers.read(path, wavelength_nm=633, theta_i_deg=[30], resolution_deg=20, unit="sr-1")
+    data = formats.read(path, wavelength_nm=633, theta_i_deg=[30], resolution_deg=20, unit="sr-1")
     assert np.isfinite(data.brdf).any()
     path.write_text(ZEMAX.format(**given | {"kind": "BTDF"}))
     with pytest.raises(FileFormatError, match="transmitted"):
-        readers.read(path, wavelength_nm=633)
+        formats.read(path, wavelength_nm=633)
     path.write_text(ZEMAX.format(**given | {"block": "3 2 1"}))
     with pytest.raises(FileFormatError, match="truncated"):
-        readers.read(path, wavelength_nm=633)
+        formats.read(path, wavelength_nm=633)
 
 
 # ---- RGL
@@ -253,7 +253,7 @@ def test_rgl(tmp_path, alpha, diffuse, tolerance, facets, pairs, agreement):
     Linear interpolation in θ_i every 5° and in 64 × 64 samples; the tails of the narrow lobe are the worst.
     """
     brdf = facets(alpha, diffuse)
-    path = readers.write(sampled(brdf), tmp_path / "a.bsdf", fill=brdf)
+    path = formats.write(sampled(brdf), tmp_path / "a.bsdf", fill=brdf)
     loaded, attrs = rgl.load(path)
     wi, wo = pairs(4000, 2)
     error = np.abs(loaded(wi, wo) / brdf(wi, wo) - 1)
@@ -265,7 +265,7 @@ def test_rgl(tmp_path, alpha, diffuse, tolerance, facets, pairs, agreement):
         tolerance,
     )
     assert "closed form" in attrs["description"]
-    data = readers.read(path, theta_i_deg=[0, 30], theta_o_deg=[-60, -30, 10])
+    data = formats.read(path, theta_i_deg=[0, 30], theta_o_deg=[-60, -30, 10])
     np.testing.assert_allclose(data.brdf, sampled(brdf, [0, 30], [-60, -30, 10]).brdf, rtol=0.01)
     assert data.wavelength.values.tolist() == [450, 550, 650]
 
@@ -283,7 +283,7 @@ def mitsuba_brdf(mi, path, wi, wo, wavelength):
 def test_mitsuba_renders_what_is_written(tmp_path, mitsuba, facets, pairs, agreement):
     """Mitsuba's own evaluation of the file against ours, in its single precision, and against the BRDF written."""
     brdf = facets(0.3, 0.2)
-    path = readers.write(sampled(brdf), tmp_path / "a.bsdf", fill=brdf)
+    path = formats.write(sampled(brdf), tmp_path / "a.bsdf", fill=brdf)
     wi, wo = pairs(300, 3)
     theirs = mitsuba_brdf(mitsuba, path, wi, wo, 550.0)
     error = rgl.load(path)[0](wi, wo)[:, 1] / theirs - 1
@@ -303,7 +303,7 @@ def test_mitsuba_renders_what_is_written(tmp_path, mitsuba, facets, pairs, agree
 def test_rgb_variants_of_mitsuba(tmp_path, mitsuba, facets, pairs):
     """Three channels in place of the spectrum, as RGB variants need them; read back at their nominal wavelengths."""
     brdf = facets(0.3, 0.2)
-    path = readers.write(sampled(brdf), tmp_path / "a.bsdf", fill=brdf, rgb_nm=(611, 549, 464))
+    path = formats.write(sampled(brdf), tmp_path / "a.bsdf", fill=brdf, rgb_nm=(611, 549, 464))
     wi, wo = pairs(50, 3)
     loaded, attrs = rgl.load(path)
     assert loaded.wavelength.tolist() == [611, 549, 464]
@@ -320,7 +320,7 @@ def test_rgb_variants_of_mitsuba(tmp_path, mitsuba, facets, pairs):
         mitsuba.set_variant("scalar_spectral")
     np.testing.assert_allclose(loaded(wi, wo), theirs, rtol=1e-4)
     with pytest.raises(InputError, match="three wavelengths within 450 … 650"):
-        readers.write(sampled(brdf), tmp_path / "b.bsdf", fill=brdf, rgb_nm=(700, 549, 464))
+        formats.write(sampled(brdf), tmp_path / "b.bsdf", fill=brdf, rgb_nm=(700, 549, 464))
 
 
 @pytest.mark.parametrize("azimuths", [1, 2, 5])
@@ -373,17 +373,17 @@ def test_tensor_files_are_mitsubas(tmp_path, mitsuba):
 
 def test_measured_ptfe_renders(tmp_path, shared):
     """NIST's PTFE over the hemisphere as RGL: the file reflects as much as the measurement, within 0.5 %."""
-    data = readers.read(shared / "data" / "nist_ptfe" / "PTFE.data.csv", hemisphere=True)
-    path = readers.write(data, tmp_path / "ptfe.bsdf")
-    back = readers.read(path, theta_i_deg=[0, 30, 60], resolution_deg=5)
+    data = formats.read(shared / "data" / "nist_ptfe" / "PTFE.data.csv", hemisphere=True)
+    path = formats.write(data, tmp_path / "ptfe.bsdf")
+    back = formats.read(path, theta_i_deg=[0, 30, 60], resolution_deg=5)
     total = (back.brdf * np.cos(np.radians(back.theta_o)) * back.solid_angle).sum("cell")
     weight = data.solid_angle * np.cos(np.radians(data.theta_o))
     share = np.isfinite(data.brdf)
     expected = (data.brdf * weight).sum("cell") / (weight * share).sum("cell") * np.pi
     np.testing.assert_allclose(total, expected.sel(theta_i=[0, 30, 60]), rtol=5e-3)
     # and at a measured direction far from the gaps: 30° to 30° forward, 532 nm
-    point = readers.read(path, theta_i_deg=[30], theta_o_deg=[-30.0]).brdf.sel(wavelength=532).item()
-    plane = readers.read(shared / "data" / "nist_ptfe" / "PTFE.data.csv").brdf.sel(
+    point = formats.read(path, theta_i_deg=[30], theta_o_deg=[-30.0]).brdf.sel(wavelength=532).item()
+    plane = formats.read(shared / "data" / "nist_ptfe" / "PTFE.data.csv").brdf.sel(
         theta_i=30, theta_o=-30, wavelength=532
     )
     assert point == pytest.approx(float(plane), rel=0.01)
@@ -393,13 +393,13 @@ def test_measured_ptfe_renders(tmp_path, shared):
 def test_in_plane_data_need_a_stated_fill(tmp_path, in_plane):
     for name, options in (("a.bsdf", {}), ("a.binary", {}), ("a.bsdf", {"format": "zemax", "wavelength_nm": 550})):
         with pytest.raises(InputError, match="half-angle.*azimuth"):
-            readers.write(in_plane, tmp_path / name, **options)
+            formats.write(in_plane, tmp_path / name, **options)
     with pytest.raises(InputError, match="did you mean 'azimuth'"):
-        readers.write(in_plane, tmp_path / "a.bsdf", fill="azimut")
+        formats.write(in_plane, tmp_path / "a.bsdf", fill="azimut")
     with pytest.raises(InputError, match="knows no option 'fil': did you mean 'fill'"):
-        readers.write(in_plane, tmp_path / "a.bsdf", fil="azimuth")
+        formats.write(in_plane, tmp_path / "a.bsdf", fil="azimuth")
     assert list(tmp_path.iterdir()) == []
-    path = readers.write(in_plane, tmp_path / "a.bsdf", fill="half-angle")
+    path = formats.write(in_plane, tmp_path / "a.bsdf", fill="half-angle")
     assert "half-angle" in rgl.load(path)[1]["description"]
 
 

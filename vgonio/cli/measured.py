@@ -45,12 +45,12 @@ def _grouped(file: Path) -> Path | None:
 
 def _read(file: Path, format: str | None = None, given: dict[str, Any] | None = None) -> Any:
     """A BRDF of any format, or one group of a result."""
-    from ..measure import readers
+    from ..measure import formats
     from .results import load_one
 
     if _grouped(file) is not None:
         return load_one(file, lambda _: True, "values")
-    return readers.read(file, format, **(given or {}))
+    return formats.read(file, format, **(given or {}))
 
 
 @app.command()
@@ -68,10 +68,10 @@ def info(
 
     Example: vgonio measured info alum-bronze.binary --set resolution_deg=5
     """
-    from ..measure import readers
+    from ..measure import formats
 
     data = _read(file, format, _options(options))
-    facts = readers.facts(data)
+    facts = formats.facts(data)
     if as_json:
         print_json({"file": str(file), **facts})
     else:
@@ -103,14 +103,14 @@ def convert(
 
     Example: vgonio measured convert sample.json sample.bsdf --fill half-angle
     """
-    from ..measure import readers
+    from ..measure import formats
 
     if output.exists() and output.resolve() == file.resolve():
         raise InputError(f"{output} would overwrite the file that is read")
     given = _options(options) | ({} if fill is None else {"fill": fill})
-    reading, writing = readers.divided(given, _grouped(file) or file, format, output, to)
+    reading, writing = formats.divided(given, _grouped(file) or file, format, output, to)
     data = _read(file, format, reading)
-    say(f"{readers.write(data, output, to, **writing)}: {readers.facts(data)['directions']}")
+    say(f"{formats.write(data, output, to, **writing)}: {formats.facts(data)['directions']}")
 
 
 @app.command()
@@ -208,7 +208,7 @@ def formats(as_json: Json = False, quiet: Quiet = False) -> None:
 
     Example: vgonio measured formats
     """
-    from ..measure.readers import FORMATS
+    from ..measure.formats import FORMATS
 
     rows = [
         (name, " ".join(entry.suffixes), "read, write" if entry.write else "read", entry.summary)

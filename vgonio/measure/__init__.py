@@ -17,8 +17,8 @@ _LATER = {
     "calibration_factor": "calibration",
     "cross_validate": "cross_validation",
     "grazing_spectra": "cross_validation",
-    "read": "readers",
-    "write": "readers",
+    "read": "formats",
+    "write": "formats",
 }
 __all__ = ["Gonioreflectometer", "open", "save", *_LATER]
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..dataset import brdf_dataset
 from ..directions import Detector
 from ..measure.isotropic import IsotropicBrdf, isotropic
-from ..measure.readers import write
+from ..measure.formats import write
 from ..models import Geometry, brdf
 
 Floats = NDArray[np.float64]

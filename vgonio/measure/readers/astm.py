@@ -34,7 +34,7 @@ def sniff(head: bytes) -> bool:
 
 
 def read(path: Path, repairs: Repairs, *, wavelength_nm: float | None = None) -> xr.Dataset:
-    """The dataset of an ASTM file; see the module for its layout and `measure.readers.read`.
+    """The dataset of an ASTM file; see the module for its layout and `measure.read`.
 
     wavelength_nm : of a file with one BSDF column that does not name its wavelength
     Raises FileFormatError for a file without VARS, fewer than five columns, damaged rows or unknown wavelengths.

@@ -32,7 +32,7 @@ def sniff(head: bytes) -> bool:
 
 
 def read(path: Path, repairs: Repairs) -> xr.Dataset:
-    """The in-plane BRDF of a gonioreflectometer JSON; see `measure.readers.read`.
+    """The in-plane BRDF of a gonioreflectometer JSON; see `measure.read`.
 
     Signed angles are relative to the azimuth of the plane of incidence (coordinate phi_i). `comment` and `provenance`
     of the file are kept as attributes, anything else of element 0 as JSON in `header`.

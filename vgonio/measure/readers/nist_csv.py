@@ -27,7 +27,7 @@ def sniff(head: bytes) -> bool:
 
 
 def read(path: Path, repairs: Repairs, *, hemisphere: bool = False) -> xr.Dataset:
-    """The f_r11 of a NIST table, in plane, or all directions (`hemisphere`); see `measure.readers.read`."""
+    """The f_r11 of a NIST table, in plane, or all directions (`hemisphere`); see `measure.read`."""
     text = text_of(path, "NIST BRDF table")
     if not sniff(text[:64].encode()):
         raise FileFormatError(f"{path} is no NIST BRDF table: its header has to begin with lambda,thetai,phi")

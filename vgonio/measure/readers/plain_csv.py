@@ -75,7 +75,7 @@ def _split(column: str) -> tuple[str | None, str | None]:
 
 
 def read(path: Path, repairs: Repairs) -> xr.Dataset:
-    """The dataset of a plain CSV; see the module for its layout and `measure.readers.read`.
+    """The dataset of a plain CSV; see the module for its layout and `measure.read`.
 
     Raises FileFormatError for columns that are missing or twice, units that are not known, and rows that are damaged.
     """

@@ -1,1 +1,1 @@
-"""Files that other programs read, one format a file; the table is in `measure.readers`."""
+"""Files that other programs read, one format a file; the table is `measure.formats`."""
