@@ -174,8 +174,10 @@ def test_orders_and_their_interference_add_up():
     data = gonio.measure(rough(1.0, 2.0), IteratedKirchhoff("Al", [550], bounces=4, windows=3))
     assert np.all(data.brdf_by_bounce >= 0)
     assert np.all(data.brdf >= 0)
-    assert np.allclose(data.brdf_by_bounce.sum("bounce") + data.brdf_interference, data.brdf)
-    assert np.allclose(data.energy_by_bounce.sum("bounce") + data.energy_interference, data.energy_reflected)
+    parts = data.brdf_by_bounce.sum("bounce") + data.brdf_interference + data.brdf_diffraction
+    assert np.allclose(parts, data.brdf)
+    parts = data.energy_by_bounce.sum("bounce") + data.energy_interference + data.energy_diffraction
+    assert np.allclose(parts, data.energy_reflected)
     energy = data.energy_by_bounce.isel(wavelength=0)
     assert np.all(energy.sel(bounce=2) > 0.03)
     assert np.all(energy.sel(bounce=3) < 0.3 * energy.sel(bounce=2))

@@ -10,6 +10,7 @@ import xarray as xr
 from ...dataset import label
 from ...errors import VgonioWarning
 from ..quadrature import Floats
+from .diffraction import Diffraction
 from .place import Places
 from .profile import Orders
 
@@ -50,6 +51,7 @@ def stacked(spectrum: list[Orders]) -> Orders:
         max(o.used for o in spectrum),
         np.stack([o.mueller for o in spectrum], axis=-1),
         np.stack([o.caught for o in spectrum], axis=-1),
+        diffraction=Diffraction.worst(o.diffraction for o in spectrum),
     )
 
 

@@ -13,9 +13,10 @@ from ..polarisation import PAULI
 from ..quadrature import Complex, Floats
 from .beam import Beam
 from .curve import Curve, joined, sample_curve
+from .diffraction import Diffraction, diffracted
 from .far_field import Directions, far_amplitudes
 from .propagate import POLARISATIONS, Pairs, pair_operators
-from .sight import Sight, look
+from .sight import Sight, look, mean_height
 
 WEIGHTS = {"s": {"TE": 1.0, "TM": 0.0}, "p": {"TE": 0.0, "TM": 1.0}, "unpolarised": {"TE": 0.5, "TM": 0.5}}
 
@@ -56,6 +57,27 @@ class Stretch:
         """Angle of the steepest piece against the horizontal, radians."""
         return float(np.arccos(np.clip(self.curve.nz.min(), 0, 1)))
 
+    def incident(self, k: float, theta: Floats) -> tuple[Complex, Complex]:
+        """u and ∂u/∂n of the light alone, (n, len(theta)) each."""
+        return self.beam.field(self.curve, k, theta, self._level(theta))
+
+    def _level(self, theta: Floats) -> Floats:
+        """(len(theta),) mean height at which the light meets the profile, around the middle of the beam."""
+        weight = self.beam.window(self.curve.x - self.beam.centre) ** 2
+        return np.array([mean_height(self.curve.x, self.curve.z, weight, float(t)) for t in theta])
+
+    def facing(self, theta: Floats) -> Floats:
+        """(len(theta), n) cosine between normals and directions."""
+        return np.sin(theta)[:, None] * self.curve.nx + np.cos(theta)[:, None] * self.curve.nz
+
+    def footprint(self, theta: Floats) -> Floats:
+        """(len(theta),) share of the light's power that meets the lit part were it alone, a continuous line."""
+        if self.beam.kind == "tapered":
+            return np.ones(len(theta))
+        along = self.curve.x - self.beam.centre
+        across = along - (self.curve.z - self._level(theta)[:, None]) * np.tan(theta)[:, None]
+        return np.array([self.beam.share(float(row.min()), float(row.max())) for row in across])
+
     def again(self, theta: Floats) -> NDArray[np.bool_]:
         """(len(theta),) bool: where light can meet the profile a second time, |θ| + 3 × the steepest slope ≥ 90°."""
         return np.abs(theta) + 3 * self.steepest >= np.pi / 2
@@ -74,8 +96,8 @@ class Light:
     def first(self, stretch: Stretch, shadowing: bool) -> tuple[Complex, Complex]:
         """u = (1 + r) u_inc and ∂u/∂n = (1 − r) ∂u_inc/∂n where the source is seen, (n, t) each."""
         curve = stretch.curve
-        u, v = stretch.beam.field(curve, self.k, self.theta)
-        cosine = np.sin(self.theta) * curve.nx[:, None] + np.cos(self.theta) * curve.nz[:, None]
+        u, v = stretch.incident(self.k, self.theta)
+        cosine = stretch.facing(self.theta).T
         r = self.material.amplitudes(np.clip(cosine, 0, 1), self.wavelength_nm)[POLARISATIONS[self.polarisation]]
         lit = stretch.sight.seen(curve, self.theta).T if shadowing else np.ones(cosine.shape, bool)
         return np.where(lit, (1 + r) * u, 0), np.where(lit, (1 - r) * v, 0)
@@ -90,8 +112,8 @@ class Light:
 class Orders:
     """What one window sends out, relative to its incident power: BRDF and energy, of single orders and of their sum.
 
-    brdf : (bounces + 1, t, elements), the last the coherent sum;  energy : (bounces + 1, t);  used : bounces done
-    mueller : (16, t, elements) of the coherent sum, row by row
+    brdf : (bounces + 2, t, elements), the last but one the coherent sum, the last that with diffraction
+    energy : (bounces + 2, t);  used : bounces done;  mueller : (16, t, elements) of the last of brdf, row by row
     caught : (t,) power that the lit points receive, over that of the same window on a flat surface
     sight_error : of a patch, share of pairs that face each other whose sight is judged otherwise by a march along the
         line between them; 0 on profiles, whose sight is exact between the points
@@ -103,6 +125,7 @@ class Orders:
     mueller: Floats
     caught: Floats
     sight_error: float = 0.0
+    diffraction: Diffraction = Diffraction()
 
 
 def fields(stretch: Stretch, light: Light, bounces: int, tol: float, shadowing: bool) -> tuple[Complex, Complex]:
@@ -130,9 +153,12 @@ def _strength(stretch: Stretch, light: Light, u: Complex, v: Complex) -> Floats:
 
 def reflect(
     stretch: Stretch, lights: dict[str, Light], polarisation: str, to: Directions, bounces: int, tol: float,
-    shadowing: bool = True,
+    shadowing: bool = True, sweeps: int = 0,
 ) -> Orders:  # fmt: skip
-    """All orders of reflection of light of some polarisation, from those of `lights`: "TE", "TM" or both."""
+    """All orders of reflection of light of some polarisation, from those of `lights`: "TE", "TM" or both.
+
+    sweeps : at most so many for diffraction (`sweeps.sweep`), none where `bounces` is 1
+    """
     some = next(iter(lights.values()))
     k, theta = some.k, some.theta
     share = np.array([WEIGHTS[polarisation][name] for name in lights])
@@ -143,11 +169,22 @@ def reflect(
     u, v = (np.stack([_padded(s[i], most) for s in series], axis=1) for i in (0, 1))
     far = far_amplitudes(stretch.curve, u, v, k, to.theta, seen)  # (m, lights, t, orders)
     total = far.sum(axis=-1)
-    power = np.zeros((bounces + 1, len(theta), len(to.theta)))
-    power[:most] = np.einsum("mltb,l->btm", np.abs(far) ** 2, share) / incident
-    power[-1] = np.einsum("mlt,l->tm", np.abs(total) ** 2, share) / incident
     caught = _caught(stretch, theta, k) if shadowing else np.ones(len(theta))
-    return Orders(to.means(power), to.total(power), most, to.means(_mueller(total) / incident), caught)
+    whole, done = total, Diffraction()
+    if sweeps and bounces > 1 and shadowing:
+        start = u.sum(axis=-1), v.sum(axis=-1)
+        whole, done = diffracted(stretch, list(lights.values()), start, total, to.theta, sweeps, tol)
+        on = np.array(done.swept, bool)
+        whole[..., on] *= np.sqrt(caught / np.maximum(stretch.footprint(theta), 1e-300))[
+            on
+        ]  # neighbours cast no shadows in the sweeps
+    power = np.zeros((bounces + 2, len(theta), len(to.theta)))
+    power[:most] = np.einsum("mltb,l->btm", np.abs(far) ** 2, share) / incident
+    for row, amplitude in ((-2, total), (-1, whole)):
+        power[row] = np.einsum("mlt,l->tm", np.abs(amplitude) ** 2, share) / incident
+    return Orders(
+        to.means(power), to.total(power), most, to.means(_mueller(whole) / incident), caught, diffraction=done
+    )
 
 
 def _caught(stretch: Stretch, theta: Floats, k: float) -> Floats:
@@ -155,8 +192,7 @@ def _caught(stretch: Stretch, theta: Floats, k: float) -> Floats:
     if stretch.beam.kind == "tapered":
         return np.ones(len(theta))
     curve = stretch.curve
-    cosine = np.sin(theta)[:, None] * curve.nx + np.cos(theta)[:, None] * curve.nz
-    received = np.abs(stretch.beam.field(curve, k, theta)[0].T) ** 2 * cosine * stretch.sight.seen(curve, theta)
+    received = np.abs(stretch.incident(k, theta)[0].T) ** 2 * stretch.facing(theta) * stretch.sight.seen(curve, theta)
     return received @ curve.ds / stretch.beam.power(k, theta)
 
 

@@ -44,18 +44,19 @@ def _sum(a: sp.csr_array | None, u: Complex, b: sp.csr_array | None, v: Complex)
     return np.sum(parts, axis=0) if parts else np.zeros_like(u)
 
 
-def hankel(t: Floats) -> tuple[Complex, Complex]:
-    """H₀⁽¹⁾ and H₁⁽¹⁾ of t > 0, (n,)."""
+def hankel(t: Floats, zeroth: bool = True) -> tuple[Complex, Complex]:
+    """H₀⁽¹⁾ (empty unless `zeroth`) and H₁⁽¹⁾ of t > 0, (n,)."""
     from scipy.special import j0, j1, y0, y1
 
     near = t < ASYMPTOTIC
-    h0, h1 = np.empty(t.shape, np.complex128), np.empty(t.shape, np.complex128)
-    a = t[near]
-    h0[near], h1[near] = j0(a) + 1j * y0(a), j1(a) + 1j * y1(a)
-    a = t[~near]
-    front = np.sqrt(2 / (np.pi * a)) * np.exp(1j * (a - np.pi / 4))
-    e = 1j / a  # Σ i^n a_n(ν)/t^n, DLMF 10.17.5
-    h0[~near] = front * (1 + e * (-1 / 8 + e * (9 / 128 + e * (-75 / 1024 + e * 3675 / 32768))))
+    h0, h1 = (np.empty(t.shape if wanted else 0, np.complex128) for wanted in (zeroth, True))
+    a, b = t[near], t[~near]
+    front = np.sqrt(2 / (np.pi * b)) * np.exp(1j * (b - np.pi / 4))
+    e = 1j / b  # Σ i^n a_n(ν)/t^n, DLMF 10.17.5
+    if zeroth:
+        h0[near] = j0(a) + 1j * y0(a)
+        h0[~near] = front * (1 + e * (-1 / 8 + e * (9 / 128 + e * (-75 / 1024 + e * 3675 / 32768))))
+    h1[near] = j1(a) + 1j * y1(a)
     h1[~near] = -1j * front * (1 + e * (3 / 8 + e * (-15 / 128 + e * (105 / 1024 - e * 4725 / 32768))))
     return h0, h1
 

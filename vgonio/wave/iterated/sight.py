@@ -40,6 +40,24 @@ class Sight:
         return facing & free
 
 
+def mean_height(x: Floats, z: Floats, weight: Floats, theta: float) -> float:
+    """Mean height at which parallel light from θ (signed, radians) meets the line through points, x never falling.
+
+    weight : (n,) of the light at the points. Edges of shadows are found between the points, so that the mean hardly
+    depends on their spacing.
+    """
+    if theta < 0:
+        x, z, weight, theta = -x[::-1], z[::-1], weight[::-1], -theta
+    across = x - z * np.tan(theta)  # one ray has one of these
+    reach = np.minimum.accumulate(across[::-1])[::-1][1:]  # rays beyond have met the line further towards the source
+    step = np.diff(across)
+    lit = reach > across[:-1]
+    share = np.where(lit, (reach - across[:-1]) / np.where(lit, step, 1.0), 0.0)
+    amount = share * np.where(lit, step, 0.0) * (weight[1:] + weight[:-1]) / 2
+    height = z[:-1] + share * np.diff(z) / 2
+    return float(amount @ height / max(float(amount.sum()), 1e-300))
+
+
 def look(curve: Curve, first: int = 0, last: int | None = None) -> Sight:
     """Who sees whom among the points of `curve`, for the rows from `first` to `last` − 1.
 
