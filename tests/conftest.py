@@ -112,7 +112,9 @@ def circumstances() -> dict[str, str]:
     from vgonio.accuracy import machine
 
     try:
-        done = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True)
+        done = subprocess.run(
+            ["git", "describe", "--always", "--dirty", "--exclude", "*"], cwd=ROOT, capture_output=True, text=True
+        )
         commit = done.stdout.strip()
     except OSError:  # no git: an unpacked source distribution
         commit = ""
