@@ -22,8 +22,8 @@ import vgonio as vg
 from vgonio import compare, display, materials, measure
 from vgonio.compare.fit_files import fit_parameters, open_fit, save_fit
 from vgonio.errors import FileFormatError
-from vgonio.measure.calibration import read_reflectance
-from vgonio.render.normbox import inputs
+from vgonio.measure.standards import read_reflectance
+from vgonio.render.normbox import inputs, settings
 from vgonio.scene import load_scene
 from vgonio.studies import load_study
 from vgonio.studies.stored import read_point
@@ -81,11 +81,11 @@ def _used(path: Path) -> object:
     return found.index(np.linspace(*found.range_nm, 5)) if np.isfinite(found.range_nm).all() else found
 
 
-WANTED = inputs.Render(patches=(1, 2), angles_deg=(30, 60))
+WANTED = settings.Render(patches=(1, 2), angles_deg=(30, 60))
 TEXT = [
     Case("scene.toml", load_scene, SCENE.encode()),
     Case("study.toml", _scene_beside(load_study), STUDY.encode()),
-    Case("normbox.toml", inputs.load, NORMBOX.encode()),
+    Case("normbox.toml", settings.load, NORMBOX.encode()),
     Case("readings.csv", display.read, READINGS.encode()),
     Case("readings.ti3", display.read, CGATS.encode()),
     Case("patches.csv", display.patches, PATCHES.encode()),

@@ -97,8 +97,10 @@ def require_ours(attrs: dict[Any, Any], path: Path) -> None:
     if str(attrs.get("format")) != FORMAT:
         raise FileFormatError(f"{path} is a result of another program: its attribute 'format' is not {FORMAT!r}")
     found = str(attrs.get("format_version", "none"))
-    if not found.isdecimal():
-        raise FileFormatError(f"{path} has format version {found}, a whole number is needed: the file is damaged")
+    if not (found.isdecimal() and len(found) < 10 and int(found) > 0):
+        raise FileFormatError(
+            f"{path} has format version {found}, a whole number from 1 on is needed: the file is damaged"
+        )
     if int(found) > FORMAT_VERSION:
         raise FileFormatError(
             f"{path} has format version {found}, this vgonio reads up to {FORMAT_VERSION}: upgrade it"
