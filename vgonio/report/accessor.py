@@ -1,7 +1,7 @@
 """`result.vgonio.plot_lobes()`: the pictures of `vgonio.report.plots` as methods of xarray's Dataset and DataTree.
 
-Importing this module registers them: `vg.open`, `vg.simulate`, `vg.measure` and `vg.report` do, `import vgonio` alone
-does not.
+Importing this module registers them: the parts of vgonio that hand out results (`vg.open`, `vg.simulate`, `vg.sweep`,
+`vg.measure`, `vg.models`, `vg.compare`) and `vg.report` do, `import vgonio` alone does not.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 
 import xarray as xr
 
-from .plots import PLOTS, explore, page
+from .plots import PLOTS, explore, page, verdict
 
 
 class Pictures:
@@ -39,7 +39,7 @@ def _method(function: Callable[..., Any]) -> Callable[..., Any]:
     return method
 
 
-for _function in (*PLOTS, page, explore):
+for _function in (*PLOTS, verdict, page, explore):
     setattr(Pictures, _function.__name__, _method(_function))
 
 xr.register_dataset_accessor("vgonio")(Pictures)

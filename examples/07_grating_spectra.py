@@ -1,6 +1,6 @@
 """Why rough surfaces may redden or blue: first orders of many gratings, binned over angle (thesis, figure 4.6).
 
-    python examples/grating_spectra.py [-o docs/grating_spectra.png]
+    python examples/07_grating_spectra.py [-o docs/grating_spectra.png]
 
 Light at normal incidence leaves a grating of spacing d in its first order at sin θ = λ/d. A detector sees a bin of 1°:
 of many gratings, those whose order falls into it, each counted once (as in the thesis: equal efficiency for all). The

@@ -1,6 +1,6 @@
 """A colour that arrives: a virtual headset is characterised, calibrated and verified as one would a real one.
 
-    python examples/display/headset.py [-o out]
+    python examples/13_headset.py [-o out]
 
 Two eyes, wide-gamut narrow bands, white and black of thesis table 5.1, with crosstalk, loading, drift and noise that
 make a mean model error of 0.5. Writes readings, ICC profiles, 3-D LUTs, the page display.html and the picture of figure

@@ -1,15 +1,16 @@
 """From the files of simulate.py: slopes of the spectral shift, single and multiple reflections apart, with error bars.
 
-    python examples/wavelength_shift/analyse.py out/shift -o out/shift.png
+    python examples/14_wavelength_shift/analyse.py out/shift -o out/shift.png
 
 Slopes are those of thesis 4.2 at 600 nm in % per 100 nm, the exponent p of the Fresnel reflectance fixed at the number
 of reflections (1, or 2 for the rest). Errors are those of the jackknife over rows, as if
-these were independent.
+these were independent. `--quick` simulates two rows of sample 1 in a folder of its own first (5 s).
 """
 
 from __future__ import annotations
 
 import argparse
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -86,7 +87,7 @@ def figure(samples: Mapping[str, xr.Dataset], theta_i: float):
     """Above: slope against θ_o, single and multiple apart; below: share of multiple reflections, waves and rays."""
     from matplotlib.figure import Figure
 
-    made = Figure(figsize=(2.6 * len(samples), 4.8), layout="constrained")
+    made = Figure(figsize=(max(5.6, 2.6 * len(samples)), 4.8), layout="constrained")
     grid = made.subplots(2, len(samples), sharex=True, sharey="row", squeeze=False)
     colours = {"single": "#0b4a8f", "multiple": "#5aa2d9", "total": "#1a2230"}
     for column, (title, data) in zip(grid.T, samples.items()):
@@ -119,19 +120,40 @@ def figure(samples: Mapping[str, xr.Dataset], theta_i: float):
     return made
 
 
-def main() -> None:
+def quick() -> dict[str, xr.Dataset]:
+    """Two rows of sample 1 at 40°, simulated now."""
+    import simulate
+
+    with tempfile.TemporaryDirectory() as folder:
+        simulate.main([folder, "--quick"])
+        return {"sample 1": load(Path(folder), 1).load()}
+
+
+def check() -> None:
+    """The slope of a model's spectra whose slope is known: 3 % per 100 nm in every direction, to 1e-6."""
+    known = vg.models.evaluate("clausen-2022", [40], np.arange(-80, 81, 10), [450, 600, 750], alpha=0.4, h=3e-4, w=0.0)
+    found = slopes(known["brdf"], 1.0)
+    assert abs(found - 3.0).max() < 1e-6, found
+    print("check: a known slope of 3 % per 100 nm is found again")
+
+
+def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("folder", type=Path, nargs="?", default=Path("out/shift"))
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--samples", type=int, nargs="+", default=[1, 2, 3, 4, 5])
     parser.add_argument("--theta-i", type=float, default=40.0)
     parser.add_argument("--fine-nm", type=float, nargs="+", default=[0.0])
-    asked = parser.parse_args()
-    samples = {
-        f"sample {s}" + (f", {f:g} nm below 0.6 µm" if f else ""): load(asked.folder, s, f)
-        for s in asked.samples
-        for f in asked.fine_nm
-    }
+    parser.add_argument("--quick", action="store_true", help="two rows of sample 1 at 40°, simulated now")
+    asked = parser.parse_args(arguments)
+    if asked.quick:
+        asked.theta_i, samples = 40.0, quick()
+    else:
+        samples = {
+            f"sample {s}" + (f", {f:g} nm below 0.6 µm" if f else ""): load(asked.folder, s, f)
+            for s in asked.samples
+            for f in asked.fine_nm
+        }
     print(f"θ_i = {asked.theta_i:g}°, shift in % per 100 nm, {next(iter(samples.values())).sizes['row']} rows")
     for title, data in samples.items():
         for row in table(data, asked.theta_i):
@@ -143,6 +165,7 @@ def main() -> None:
     if asked.output:
         figure(samples, asked.theta_i).savefig(asked.output, dpi=150)
         print(f"figure: {asked.output}")
+    check()
 
 
 if __name__ == "__main__":

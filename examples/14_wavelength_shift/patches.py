@@ -1,6 +1,7 @@
 """One three-dimensional patch of each surrogate: shares of single and multiple reflections from waves and from rays.
 
-python examples/wavelength_shift/patches.py --samples 1 2 3 4 5      # 10 minutes
+python examples/14_wavelength_shift/patches.py --samples 1 2 3 4 5      # 10 minutes
+python examples/14_wavelength_shift/patches.py --quick                  # a patch of 6 µm of sample 5
 """
 
 from __future__ import annotations
@@ -17,21 +18,25 @@ import vgonio as vg
 
 WAVELENGTHS = (450.0, 600.0, 750.0)
 SIDE_UM = 15.0
-GONIO = vg.measure.Gonioreflectometer([60], range(-85, 86, 5), aperture_deg=5.0, coherence_um=SIDE_UM / 6)
+QUICK_SIDE_UM = 6.0
 
 
-def main() -> None:
+def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--samples", type=int, nargs="+", default=[1])
-    asked = parser.parse_args()
+    parser.add_argument("--quick", action="store_true", help=f"a patch of {QUICK_SIDE_UM:g} µm of sample 5")
+    asked = parser.parse_args(arguments)
+    length = QUICK_SIDE_UM if asked.quick else SIDE_UM
+    asked.samples = [5] if asked.quick else asked.samples
+    gonio = vg.measure.Gonioreflectometer([60], range(-85, 86, 5), aperture_deg=5.0, coherence_um=length / 6)
     for sample in asked.samples:
         surface = vg.surface.read(ROOT / "heightfields" / f"sample{sample}.npz")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            waves = GONIO.measure(
-                surface, vg.wave.IteratedKirchhoff("Al", WAVELENGTHS, bounces=2, window_um=SIDE_UM, windows=1)
+            waves = gonio.measure(
+                surface, vg.wave.IteratedKirchhoff("Al", WAVELENGTHS, bounces=2, window_um=length, windows=1)
             )
-            rays = GONIO.measure(surface, vg.geometric.RayOptics("Al", [600.0], rays=100_000))
+            rays = gonio.measure(surface, vg.geometric.RayOptics("Al", [600.0], rays=100_000))
         waves = waves.sel(theta_i=60)
         energy = waves["energy_by_bounce"].sel(wavelength=600)
         traced = rays["energy_by_bounce"].sel(theta_i=60, wavelength=600)
@@ -50,6 +55,10 @@ def main() -> None:
             f"slope single {m['single']:+.1f}, multiple {m['multiple']:+.1f} % per 100 nm",
             flush=True,
         )
+        # what is reflected once leaves, or is hit again: no more than a mirror reflects, but for the patch's edges
+        once = float(energy.sel(bounce=1) / waves["fresnel_macro"].sel(wavelength=600))
+        assert 0.5 < once < 1.05, once
+        print(f"check: the first reflection has {once:.1%} of the light of a flat mirror")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Do measured spectra of sintered PTFE tilt at grazing angles, as Clausen 2022 says of Spectralon? NIST's data answer.
 
-    python examples/ptfe_tilt.py [PTFE.data.csv] [-o ptfe.png]
+    python examples/10_ptfe_tilt.py [PTFE.data.csv] [-o ptfe.png]
 
 PTFE.data.csv is NIST's table (Germer 2017: full Mueller BRDF of sintered PTFE, the material of Spectralon), by default
 at ../shared/data/nist_ptfe. In plane it holds 108 geometries at 351, 532, 633 and 1064 nm, values to three digits.
@@ -164,6 +164,7 @@ def check(data: xr.Dataset, found: dict[str, xr.Dataset], scatter: float) -> Non
     costs = [found[m].attrs["cost"] for m in ("lambert-1760", "cook-torrance-1982", "clausen-2022")]
     assert costs[0] > costs[1] >= costs[2] * 0.999
     assert 0.02 < scatter < 1
+    print("check: 108 geometries, richer models fit no worse, the scatter is that of three digits and 1 % of noise")
 
 
 if __name__ == "__main__":

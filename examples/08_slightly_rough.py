@@ -1,6 +1,6 @@
 """Where theories of slightly rough surfaces part ways: three scalar ones, linearised, and Rayleigh–Rice for s and p.
 
-    python examples/slightly_rough.py [-o docs/slightly_rough.png]
+    python examples/08_slightly_rough.py [-o docs/slightly_rough.png]
 
 All of them are a factor times the surface's spectral density at q, so the surface does not matter; the figure and the
 table show the factors, each over that of Rayleigh–Rice for s on a perfect conductor.
