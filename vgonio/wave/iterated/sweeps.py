@@ -2,7 +2,7 @@
 
 One sweep goes once along the points from left to right and once back; each block of points takes the latest field of
 all others, seen or not, and solves for its own (Holliday, DeRaad and St-Cyr 1996: method of ordered multiple
-interactions; Kapp and Brown 1996; in blocks: Adams and Brown 1998). So light bends around edges of shadows, creeps,
+interactions; Kapp and Brown 1996; in blocks: Pino et al. 1999). So light bends around edges of shadows, creeps,
 and the material behind them is dark because fields cancel there, not because it is said to be.
 """
 
