@@ -148,7 +148,7 @@ def test_a_notebook_shows_a_figure_without_pyplot(ray_result):
 
 @pytest.mark.parametrize(
     ("code", "there"),
-    [("vgonio", False), ("vgonio.measure", True), ("vgonio.report", True), ("vgonio.models", True), ("vgonio.open", True)],
+    [("vgonio", False), *((f"vgonio.{part}", True) for part in ("measure", "models", "report", "open"))],
 )
 def test_who_registers_the_accessor(code, there):
     program = f"import vgonio, sys\n{code}\nassert 'matplotlib' not in sys.modules\n"
