@@ -86,7 +86,7 @@ def test_one_file_for_each_eye(tmp_path, capsys):
     [
         (["characterise"], "readings are needed"),
         (["characterise", "r.csv", "--virtual", "wide-gamut"], "readings are needed"),
-        (["characterise", "r.csv"], "cannot read"),
+        (["characterise", "r.csv"], "no such table of readings"),
         (["characterise", "--virtual", "wide"], "wide-gamut"),
         (["characterise", "--virtual", "wide-gamut", "--set", "crostalk=1"], "crosstalk"),
         (["characterise", "--virtual", "wide-gamut", "--levels", "2"], "levels"),
