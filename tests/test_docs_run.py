@@ -100,8 +100,8 @@ def counts_csv(path: Path, data: xr.Dataset) -> None:
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with every file that a page takes for granted, each small."""
     from vgonio import display
-    from vgonio.measure.calibration import lambertian_standard
     from vgonio.measure.instrument import Instrument
+    from vgonio.measure.standards import lambertian_standard
 
     folder = tmp_path_factory.mktemp("workshop")
     rough = vg.surface.gaussian(rms_um=0.3, correlation_um=4.0, shape=(120, 120), pitch_um=0.4, seed=1, exact=False)
@@ -139,7 +139,7 @@ def shell(code: str) -> None:
                 assert words[0] == "vgonio", f"{part!r}: mark a block of other commands as not run, with the reason"
                 assert main(words[1:]) == 0, part
                 if words[1:3] == ["validate", "--init"]:
-                    from vgonio.render.normbox.inputs import load
+                    from vgonio.render.normbox import load
 
                     load(words[3])
                     Path(words[3]).write_text(SMALL_BOX)

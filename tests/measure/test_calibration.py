@@ -8,18 +8,11 @@ import pytest
 from vgonio.directions import half_vectors, unit_vectors
 from vgonio.errors import FileFormatError, InputError
 from vgonio.measure import formats
-from vgonio.measure.calibration import (
-    Spectrometer,
-    Tilt,
-    calibrate,
-    calibration_factor,
-    lambertian_standard,
-    read_reflectance,
-    tilt_effect,
-    tilted_angles,
-)
+from vgonio.measure.calibration import calibrate, calibration_factor
+from vgonio.measure.hardware import Spectrometer, Tilt, tilt_effect, tilted_angles
 from vgonio.measure.instrument import Instrument, line_matrix
 from vgonio.measure.isotropic import IsotropicBrdf, isotropic, sampled
+from vgonio.measure.standards import lambertian_standard, read_reflectance
 
 NM = np.array([450.0, 550.0, 650.0])
 LAMP = np.array([1.2e5, 2.5e5, 4.0e5])  # C ΔE₀ of a halogen lamp, rising with the wavelength

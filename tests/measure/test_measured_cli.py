@@ -13,9 +13,10 @@ from vgonio import scene
 from vgonio.assembly import measured
 from vgonio.cli import main
 from vgonio.measure import formats
-from vgonio.measure.calibration import calibration_factor, lambertian_standard
+from vgonio.measure.calibration import calibration_factor
 from vgonio.measure.instrument import Instrument
 from vgonio.measure.isotropic import sampled
+from vgonio.measure.standards import lambertian_standard
 
 
 @pytest.fixture

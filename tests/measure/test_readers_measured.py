@@ -179,7 +179,7 @@ def test_missing_foreign_and_unknown_files(tmp_path):
     with pytest.raises(FileFormatError, match="truncated"):
         formats.read(written(tmp_path, "lambda,thetai,phi,thetar,phir,f_r11\n0.5,0\n", "b.csv"))
     (tmp_path / "a.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + b"\0" * 20)
-    with pytest.raises(FileFormatError, match="NetCDF"):
+    with pytest.raises(FileFormatError, match="damaged HDF5"):
         formats.read(tmp_path / "a.nc")
     with pytest.raises(InputError, match="did you mean 'gonio-json'"):
         formats.read(written(tmp_path, [HEAD, element()]), format="gonio-jsn")

@@ -12,7 +12,18 @@ import xarray as xr
 from vgonio.cli import main
 from vgonio.errors import FileFormatError, InputError
 from vgonio.render import Appearance, choose, of_model, radiance
-from vgonio.render.normbox import Box, Scene, closed_forms, comparison, error_model, error_path, inputs, load, validate
+from vgonio.render.normbox import (
+    Box,
+    Scene,
+    closed_forms,
+    comparison,
+    error_model,
+    error_path,
+    inputs,
+    load,
+    settings,
+    validate,
+)
 from vgonio.render.normbox import predict as predictions
 from vgonio.render.normbox import virtual as made_up
 
@@ -286,7 +297,7 @@ def test_sources_that_are_a_factor(llvm):
     from dataclasses import replace
 
     job = replace(job, wall=wall)
-    options = inputs.ErrorPath(repeats=2, sizes={"geometry": 0.0, "angle": 0.0, "homogeneity": 0.0})
+    options = settings.ErrorPath(repeats=2, sizes={"geometry": 0.0, "angle": 0.0, "homogeneity": 0.0})
     data = error_path.error_path(llvm, job, options)["deviation"]
     for name in ("emission", "reference"):
         values = data.sel(source=name).values
@@ -303,7 +314,7 @@ def test_sources_that_are_a_factor(llvm):
 def test_a_perturbed_reference_has_every_source_once():
     paint = of_model("cook-torrance-1982", {"alpha": 0.5, "eta": 1.5, "k_d": 0.3}, W)
     job = predictions.Job(Box(), paint, {1: paint}, (30.0, 90.0), W, np.ones((25, 4)), 16)
-    changed, factor = error_path.perturbed_once(job, inputs.ErrorPath(), 3)
+    changed, factor = error_path.perturbed_once(job, settings.ErrorPath(), 3)
     moved = np.subtract(changed.box.size_mm, job.box.size_mm)
     assert np.all((np.abs(moved) <= 1) & (moved != 0))
     turned = np.subtract(changed.angles_deg, job.angles_deg)
@@ -313,7 +324,7 @@ def test_a_perturbed_reference_has_every_source_once():
     each = changed.light[:, 0] / changed.light[:, 0].mean()
     assert 0.005 < each.std() < 0.03  # limits of 3 %: a standard deviation of 1.7 %
     assert changed.wall.bsdf["k_d"]["values"] != job.wall.bsdf["k_d"]["values"]
-    assert error_path.perturbed_once(job, inputs.ErrorPath(), 3)[0].key("") == changed.key("")
+    assert error_path.perturbed_once(job, settings.ErrorPath(), 3)[0].key("") == changed.key("")
 
 
 def test_scaled_material_is_the_same_times_a_factor(llvm):

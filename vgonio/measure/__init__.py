@@ -11,8 +11,8 @@ from .storage import open, save
 # name: module, loaded when first asked for
 _LATER = {
     "Instrument": "instrument",
-    "Spectrometer": "calibration",
-    "Tilt": "calibration",
+    "Spectrometer": "hardware",
+    "Tilt": "hardware",
     "calibrate": "calibration",
     "calibration_factor": "calibration",
     "cross_validate": "cross_validation",

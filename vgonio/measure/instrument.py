@@ -17,8 +17,9 @@ from ..dataset import label
 from ..directions import angle_list, frames, scalar, unit_vectors
 from ..errors import InputError
 from ..units import radians
-from .calibration import DIMS, REPEATABILITY_DEG, Spectrometer, Tilt
+from .hardware import REPEATABILITY_DEG, Spectrometer, Tilt
 from .isotropic import IsotropicBrdf, isotropic
+from .standards import DIMS
 
 Floats = NDArray[np.float64]
 RINGS = 3

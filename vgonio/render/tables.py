@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ..dataset import brdf_dataset
 from ..directions import Detector
-from ..measure.isotropic import IsotropicBrdf, isotropic
 from ..measure.formats import write
+from ..measure.isotropic import IsotropicBrdf, isotropic
 from ..models import Geometry, brdf
 
 Floats = NDArray[np.float64]

@@ -1,7 +1,7 @@
 """The Normbox (thesis, chapter 3): a reference scene, measured or virtual, against which a renderer is held."""
 
 from .box import Box, Scene
-from .inputs import Settings, load
+from .settings import Settings, load
 from .validation import validate
 
 __all__ = ["Box", "Scene", "Settings", "load", "validate"]

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ...errors import InputError, nearest
 from ..appearance import Appearance
-from .inputs import ErrorPath
 from .predict import Job, direct_part, predict
+from .settings import ErrorPath
 
 Floats = NDArray[np.float64]
 Random = np.random.Generator

@@ -9,7 +9,8 @@ import xarray as xr
 from ...files import written_whole
 from ...measure import write
 from . import virtual
-from .inputs import Settings, write_light, write_reference
+from .inputs import write_light, write_reference
+from .settings import Settings
 
 SCENE = """# The data beside this file are VIRTUAL: made by vgonio, nothing was measured.
 title = "{title}"

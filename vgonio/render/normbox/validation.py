@@ -25,8 +25,9 @@ from .box import Box
 from .comparison import LARGEST_SMALL_ANGLE, compare, correlations
 from .error_model import Fitted, error_model, regressed
 from .error_path import error_path, perturbed_once, sizes
-from .inputs import GroundTruth, Settings, common_wavelengths, fit_choice, in_plane, read_ground_truth
+from .inputs import GroundTruth, common_wavelengths, in_plane, read_ground_truth
 from .predict import Job, direct_part, label_radiance, predict
+from .settings import Settings, fit_choice
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
