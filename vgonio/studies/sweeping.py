@@ -133,7 +133,7 @@ def _without_the_callers_script() -> Iterator[None]:
     A script without `if __name__ == "__main__":` would then start clusters in its own workers.
     """
     main = sys.modules["__main__"]
-    kept = {name: vars(main)[name] for name in ("__file__", "__spec__") if name in vars(main)}
+    kept: dict[str, Any] = {name: vars(main)[name] for name in ("__file__", "__spec__") if name in vars(main)}
     vars(main).pop("__file__", None)
     main.__spec__ = None
     try:
