@@ -195,10 +195,12 @@ def main(arguments: list[str] | None = None) -> dict:
     parser.add_argument("--quick", action="store_true", help="one ensemble of four profiles, some seconds")
     parser.add_argument("-n", "--realisations", type=int, default=20, help="profiles of each ensemble")
     parser.add_argument("--part", default="1/1", help="I/N: the I-th of N shares of the ensembles")
+    parser.add_argument("--ensembles", action="store_true", help="no run times of growing profiles")
+    parser.add_argument("--growth", action="store_true", help="these alone")
     parser.add_argument("-o", "--output", help="JSON file for the figures")
     asked = parser.parse_args(arguments)
     first, step = (int(n) for n in asked.part.split("/"))
-    cases = ((1.0, 2.0, "perfect"),) if asked.quick else CASES[first - 1 :: step]
+    cases = ((1.0, 2.0, "perfect"),) if asked.quick else () if asked.growth else CASES[first - 1 :: step]
     realisations = 4 if asked.quick else asked.realisations
     print(machine())
     result: dict = {"machine": machine(), "realisations": realisations, "rows": [], "seconds": [], "retro": {}}
@@ -221,15 +223,21 @@ def main(arguments: list[str] | None = None) -> dict:
             result["retro"][where] = retro(found, 1)
             if (sigma, correlation, name) == STEEPEST or asked.quick:
                 result["lobes"] = lobes(sigma, correlation, polarisation, found)
-    if first == 1:
+        keep(asked.output, result)
+    if first == 1 and not asked.ensembles:
         result["growth"] = growth(asked.quick)
         for method, g in result["growth"].items():
             spent = ", ".join(f"{n:g} λ {s:.3f} s" for n, s in zip(g["lengths"], g["seconds"]))
             print(f"{method:10s} {spent}; time grows as length^{g['exponent']:.2f}")
-    if asked.output:
-        with open(asked.output, "w", encoding="utf-8") as file:
-            json.dump(result, file, indent=1, default=float)
+    keep(asked.output, result)
     return result
+
+
+def keep(path: str | None, result: dict) -> None:
+    """Write what is known so far."""
+    if path:
+        with open(path, "w", encoding="utf-8") as file:
+            json.dump(result, file, indent=1, default=float)
 
 
 if __name__ == "__main__":

@@ -47,7 +47,7 @@ VARIABLES = {
     "brdf_interference": ("sr-1", "interference between orders of reflection: brdf less the sum of them"),
     "energy_interference": ("1", "interference between orders of reflection, share of the incident power"),
     "brdf_diffraction": ("sr-1", "what diffraction adds to the coherent sum of reflections"),
-    "energy_diffraction": ("1", "what diffraction adds to the coherent sum of reflections, share of the incident power"),
+    "energy_diffraction": ("1", "what diffraction adds to the sum of reflections, share of the incident power"),
     "second_hits": ("1", "share of mirrored rays from the patch that meet the surface a second time"),
     "second_hits_outside": ("1", "share of those second hits that lie outside the patch"),
     "brdf_by_polarisation": ("sr-1", "brdf for light of one polarisation"),
