@@ -14,7 +14,7 @@ import ast
 import csv
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -169,18 +169,21 @@ def shortened(tests: str) -> str:
     for test in tests.split():
         file, _, name = test.partition("::")
         by_file.setdefault(file, []).append(name)
-    return ", ".join(
-        f"`{file}::{names[0]}`" + "".join(f", `::{n}`" for n in names[1:]) for file, names in by_file.items()
-    )
+    return ", ".join(f"`{file}::" + "`, `::".join(names) + "`" for file, names in by_file.items())
 
 
-def lines(chosen: list[dict[str, str]], date: str) -> list[str]:
+def linked(tests: str) -> str:
+    """Names of tests with links to their files, for the README."""
+    return ", ".join(f"[`{name}`]({file})" for file, _, name in (test.partition("::") for test in tests.split()))
+
+
+def lines(chosen: list[dict[str, str]], date: str, named: Callable[[str], str] = shortened) -> list[str]:
     """A Markdown table; a row of another date than the rest says so."""
     out = ["| quantity | against | achieved | allowed | test |", "|---|---|---|---|---|"]
     for row in chosen:
         text = cells(row)
         text[2] += f" ({row['date']})" if row["date"] != date else ""
-        out.append("| " + " | ".join([*text, shortened(row["tests"])]) + " |")
+        out.append("| " + " | ".join([*text, named(row["tests"])]) + " |")
     return out
 
 
@@ -199,7 +202,7 @@ def page(table: list[dict[str, str]]) -> str:
 def short(table: list[dict[str, str]]) -> str:
     """The rows of the README."""
     chosen = {r["quantity"]: r for r in table if r["quantity"] in TELLING}
-    return "\n".join(lines([chosen[q] for q in TELLING], max(r["date"] for r in table))) + "\n"
+    return "\n".join(lines([chosen[q] for q in TELLING], max(r["date"] for r in table), linked)) + "\n"
 
 
 def spliced(text: str, made: str) -> str:
