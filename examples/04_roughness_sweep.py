@@ -125,9 +125,10 @@ rays = vg.sweep(rough, folder / "rough", workers=2)
 rays.vgonio.plot_sweep()
 
 # %% [markdown]
-# Left: on the steepest surfaces an eighth of the light is reflected twice or more often (solid T = 1.5 µm, dashed 3
-# µm). Middle: lobes widen with σ. To put a number on the width, Beckmann's microfacet model is fitted to what is
-# reflected once, since that is what such models are of. The scatter over the seeds is the error.
+# Left: on the steepest surfaces a seventh of the light is reflected twice or more often (solid T = 1.5 µm, dashed
+# 3 µm). Middle: lobes widen with σ (one seed at T = 1.5 µm; jagged, because only few of its facets look into a cone of
+# 2°). To put a number on the width, Beckmann's microfacet model is fitted to what is reflected once, since that is what
+# such models are of. The scatter over the seeds is the error.
 
 # %%
 single = rays["rays"].to_dataset()
@@ -143,6 +144,7 @@ swept = ["rms_um", "correlation_um", "generate_seed"]
 points = single.stack(point=swept)
 alphas = [fitted_alpha(single.sel({k: [v] for k, v in zip(swept, values)})) for values in points.point.values]
 alpha = xr.DataArray(np.array(alphas, float), dims="point", coords={"point": points.point}).unstack("point")
+alpha.correlation_um.attrs = rays.correlation_um.attrs
 
 mean = alpha.mean("generate_seed").assign_attrs(long_name="fitted slope α", units="1")
 spread = alpha.std("generate_seed", ddof=1) / np.sqrt(3)

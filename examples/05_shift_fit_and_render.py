@@ -32,8 +32,8 @@ measured.attrs["method"] = "measured"
 measured.vgonio.plot_spectra(theta_i=60)
 
 # %% [markdown]
-# Left, around the mirror direction, the spectrum rises towards red; right, in back-scattering, it falls. A few per
-# cent in all.
+# Left, around the mirror direction, the spectrum rises towards red; right, in back-scattering, it falls: some
+# ten per cent to either side.
 #
 # ## Local slopes: what does the data say by itself?
 #
