@@ -38,15 +38,18 @@ def sweep(
     incident : u, v of the light alone, everywhere, (n, t);  start : fields to begin with, (n, t)
     block : points that are solved for together
     """
+    from threadpoolctl import threadpool_limits
+
     right, x = equation.right(*incident), equation.unknown(*start).copy()
     weight = np.repeat(equation.curve.ds, equation.unknowns)
     rows = _Rows(equation, block)
     done, change = 0, np.ones(x.shape[1])
-    while done < most and np.any(change > tol):
-        before = x.copy()
-        _pass(rows, right, x)
-        change = weight @ np.abs(x - before) ** 2 / np.maximum(weight @ np.abs(x) ** 2, 1e-300)
-        done += 1
+    with threadpool_limits(1, user_api="blas"):  # blocks are small: threads would wait for each other
+        while done < most and np.any(change > tol):
+            before = x.copy()
+            _pass(rows, right, x)
+            change = weight @ np.abs(x - before) ** 2 / np.maximum(weight @ np.abs(x) ** 2, 1e-300)
+            done += 1
     u, v = equation.fields(x)
     return Swept(u, v, done, change)
 
