@@ -68,10 +68,17 @@ def terms(
     """
     require_finite(h=h, w=w, t_y=t_y, p=p)
     factor = shift_factor(geometry, wavelength_nm, h=h, w=w, t_y=t_y, wavelength_n_nm=wavelength_n_nm)
-    if clamp:
-        factor = np.maximum(factor, 0.0)
     f = reflectance(geometry.theta_d, wavelength_nm, material, eta) ** p
-    return {"k_s": facets(geometry, alpha, distribution)[..., None] * f * factor, "k_d": np.full((1,), 1.0 / np.pi)}
+    return shifted_terms(geometry, alpha, distribution, f, factor, clamp)
+
+
+def shifted_terms(
+    geometry: Geometry, alpha: float, distribution: str, fresnel: Floats, factor: Floats, clamp: bool
+) -> dict[str, Floats]:
+    """What k_s and k_d multiply, from the reflectance and the shift at each pair of directions and wavelength."""
+    shifted = np.maximum(factor, 0.0) if clamp else factor
+    facet = facets(geometry, alpha, distribution)[..., None]
+    return {"k_s": facet * fresnel * shifted, "k_d": np.full((1,), 1.0 / np.pi)}
 
 
 def require_finite(**values: float) -> None:

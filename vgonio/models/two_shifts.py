@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..materials import Material
-from .clausen_2022 import WAVELENGTH_N_NM, require_finite, shift
-from .cook_torrance_1982 import facets, reflectance
+from .clausen_2022 import WAVELENGTH_N_NM, require_finite, shift, shifted_terms
+from .cook_torrance_1982 import reflectance
 from .geometry import Geometry
 
 Floats = NDArray[np.float64]
@@ -95,7 +95,5 @@ def terms(
     factor = shift_factor(
         geometry, wavelength_nm, single_share=single_share, wavelength_n_nm=wavelength_n_nm, **parameters
     )
-    if clamp:
-        factor = np.maximum(factor, 0.0)
     f = reflectance(geometry.theta_d, wavelength_nm, material, eta) ** p
-    return {"k_s": facets(geometry, alpha, distribution)[..., None] * f * factor, "k_d": np.full((1,), 1.0 / np.pi)}
+    return shifted_terms(geometry, alpha, distribution, f, factor, clamp)
