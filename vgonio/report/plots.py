@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ..surface import Heightfield
+    from .verdict import Verdict
 
     Result = xr.DataTree | xr.Dataset | dict[str, xr.Dataset]
     Surface = xr.DataTree | xr.Dataset | Heightfield
@@ -268,6 +269,18 @@ def plot_sweep(result: xr.DataTree, wavelength_nm: float | None = None) -> Figur
     if drawn is None:
         raise InputError("no point of this sweep is done: its 'reason' says why")
     return drawn
+
+
+# ---- in words
+def verdict(result: Result) -> Verdict:
+    """What the page says at its top: agreement, energies, shift, the largest error; `print` gives it as plain text.
+
+    Alarms begin with "!", cautions, warnings of the plan among them, with "?".
+    """
+    from .content import Content
+    from .sections import judged
+
+    return judged(Content.of(tree_of(result)))
 
 
 # ---- pages

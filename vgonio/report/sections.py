@@ -18,13 +18,15 @@ from .tables import Table, number, percent
 from .verdict import Agreement, Verdict, pairs, verdict
 
 
+def judged(content: Content) -> Verdict:
+    """The verdict alone."""
+    colour, _, slopes, agreements = _evidence(content)
+    return _verdict(content, colour, slopes, agreements)
+
+
 def compose(content: Content) -> tuple[Verdict, list[Section]]:
     """The verdict and all sections of the page."""
-    colour = colour_differences(content)
-    comparison = comparison_of(content)
-    slopes = shift_slopes(comparison, content.results)
-    agreements = pairs(content.results)
-    means = {key: float(maps["normalised"].mean()) for key, maps in colour.items() if "normalised" in maps}
+    colour, comparison, slopes, agreements = _evidence(content)
     makers: list[Callable[[], Section]] = [
         lambda: surface_section(content),
         lambda: reflections_section(content),
@@ -38,7 +40,23 @@ def compose(content: Content) -> tuple[Verdict, list[Section]]:
         lambda: plan_section(content),
         lambda: provenance_section(content),
     ]
-    return verdict(content, slopes, means, agreements), [make() for make in makers]
+    return _verdict(content, colour, slopes, agreements), [make() for make in makers]
+
+
+def _evidence(content: Content) -> tuple[dict, xr.Dataset | None, dict[str, xr.Dataset], list[Agreement]]:
+    """What verdict and sections rest on: colour differences, comparison, slopes of the shift, agreement of pairs."""
+    comparison = comparison_of(content)
+    return (
+        colour_differences(content),
+        comparison,
+        shift_slopes(comparison, content.results),
+        pairs(content.results),
+    )
+
+
+def _verdict(content: Content, colour: dict, slopes: dict[str, xr.Dataset], agreements: list[Agreement]) -> Verdict:
+    means = {key: float(maps["normalised"].mean()) for key, maps in colour.items() if "normalised" in maps}
+    return verdict(content, slopes, means, agreements)
 
 
 # ---- the surface

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -43,6 +44,12 @@ class Verdict:
     def add(self, statement: str | None) -> None:
         if statement:
             self.statements.append(statement)
+
+    def __str__(self) -> str:
+        """Plain text: alarms, statements, cautions, an item each."""
+        marked = [*(f"! {a}" for a in self.alarms), *(f"- {s}" for s in self.statements)]
+        lines = [*marked, *(f"? {c}" for c in self.cautions)]
+        return "\n".join(textwrap.fill(line, 110, subsequent_indent="  ") for line in lines)
 
 
 @dataclass(frozen=True)
