@@ -45,16 +45,16 @@ smooth = {
 }
 
 # %% [markdown]
-# `sweep` runs the points on Dask: on a cluster of this machine's processors, or with `scheduler="tcp://…"` on one
-# that dask-jobqueue or Kubernetes started. Each worker stores its point at once. A killed run loses what was in
-# flight, the same line goes on from there, and nothing finished is computed again. `vgonio sweep study.toml` does the
-# same from the command line.
+# `sweep` runs the points on Dask: on a cluster of this machine with as many workers as processors (here one, which is
+# as good for seconds of work), or with `scheduler="tcp://…"` on one that dask-jobqueue or Kubernetes started. Each
+# worker stores its point at once. A killed run loses what was in flight, the same line goes on from there, and
+# nothing finished is computed again. `vgonio sweep study.toml` does the same from the command line.
 
 # %%
-waves = vg.sweep(smooth, folder / "smooth", workers=2)
+waves = vg.sweep(smooth, folder / "smooth", workers=1)
 done = int((waves.state == 0).sum())
 print(f"{done} of {waves.state.size} points done, over {dict(waves.state.sizes)}")
-again = vg.sweep(smooth, folder / "smooth", workers=2)  # finds all points stored: no cluster is started
+again = vg.sweep(smooth, folder / "smooth", workers=1)  # finds all points stored: no cluster is started
 print("the same a second time:", again["waves"].brdf.identical(waves["waves"].brdf))
 
 # %% [markdown]
@@ -121,7 +121,7 @@ rough = {
     "scene": scene | {"detector": {"theta_o_deg": directions, "aperture_deg": 2.0}, "geometric": {"rays": 20_000}},
     "vary": smooth["vary"] | {"surface.generate.rms_um": [0.1, 0.2, 0.4]},
 }
-rays = vg.sweep(rough, folder / "rough", workers=2)
+rays = vg.sweep(rough, folder / "rough", workers=1)
 rays.vgonio.plot_sweep()
 
 # %% [markdown]
