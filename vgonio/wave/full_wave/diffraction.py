@@ -10,13 +10,13 @@ import numpy as np
 import xarray as xr
 
 from ...dataset import label, plain
-from ...directions import Detector, Incoming, angle_list
+from ...directions import angle_list
 from ...errors import InputError
 from ...surface.heightfield import Heightfield
 from ...units import nm_to_um, radians
 from . import effort, profile, remarks
 from .detection import element_means
-from .outcome import Outcome
+from .outcome import Outcome, Task
 from .panels import Floats
 from .periodic import Diffraction, Grating
 from .windows import taper_of
@@ -139,31 +139,20 @@ def _remarks(table: Table, wavelength_nm: float, theta: Floats) -> list[str]:
     return said
 
 
-def scattered(
-    solver: FullWave,
-    surface: Heightfield,
-    incoming: Incoming,
-    detector: Detector,
-    wavelength_nm: float,
-    polarisations: tuple[str, ...],
-    sign: float,
-    tell: effort.Part,
-) -> Outcome:
+def scattered(task: Task) -> Outcome:
     """One wavelength of `scatter`: every order a Gaussian lobe, as wide as the coherence window diffracts.
 
     Efficiencies are those of the middle of the beam's spectrum, and the mean over all places of the window.
     """
-    table, error = solved(solver, surface, sign * radians(incoming.theta_deg), wavelength_nm, polarisations, tell)
-    tell(1.0)
-    k, taper = 2 * np.pi / float(nm_to_um(wavelength_nm)), taper_of(incoming, surface)
-    brdf = np.stack(
-        [
-            np.concatenate(
-                [element_means(detector, sign, k, taper, _lobes(d, k * taper), 8 * k * taper)[0] for d in row]
-            )
-            for row in table
-        ]
-    )
+    surface, nm = task.surface, task.wavelength_nm
+    table, error = solved(task.solver, surface, task.theta, nm, task.polarisations, task.tell)
+    task.tell(1.0)
+    k, taper = 2 * np.pi / float(nm_to_um(nm)), taper_of(task.incoming, surface)
+
+    def means(d: Diffraction) -> Floats:
+        return element_means(task.detector, task.sign, k, taper, _lobes(d, k * taper), 8 * k * taper)[0]
+
+    brdf = np.stack([np.concatenate([means(d) for d in row]) for row in table])
     arrays = {
         name: np.array([[getattr(d, name) for d in row] for row in table])
         for name in ("reflected", "absorbed", "condition", "residual")
@@ -174,7 +163,7 @@ def scattered(
         stderr=np.broadcast_to(error * brdf.max(axis=-1, keepdims=True), brdf.shape),
         unknowns=max(d.unknowns for row in table for d in row),
         error=error,
-        remarks=_remarks(table, wavelength_nm, incoming.theta_deg),
+        remarks=_remarks(table, nm, task.incoming.theta_deg),
         attrs={
             "coherence_um": taper,
             "period_um": surface.period_um or surface.size_um[1],

@@ -18,7 +18,7 @@ from ...errors import InputError, VgonioWarning, relative_tolerance, whole
 from ...materials import Material, material
 from ...surface.heightfield import Heightfield
 from . import diffraction, windows
-from .outcome import Outcome
+from .outcome import Outcome, Task
 from .panels import Floats
 from .profile import require_profile
 
@@ -91,7 +91,8 @@ class FullWave:
         outcomes = []
         for n, wavelength in enumerate(self.wavelength_nm):
             solve = diffraction.scattered if surface.periodic else windows.scattered
-            outcomes.append(solve(self, surface, incoming, detector, wavelength, polarisations, sign, self.teller(n)))
+            task = Task(self, surface, incoming, detector, wavelength, polarisations, sign, self.teller(n))
+            outcomes.append(solve(task))
         data = self._dataset(outcomes, surface, incoming, detector, polarisations)
         data.attrs["seconds"] = time.perf_counter() - start
         return data

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ...directions import Detector, Incoming
 from ...surface.heightfield import Heightfield
-from ...units import nm_to_um, radians
+from ...units import nm_to_um
 from .. import coherence
 from . import beam, effort, remarks
 from .detection import element_means
-from .outcome import Outcome
+from .outcome import Outcome, Task
 from .panels import Floats
 from .tapered import Fields, Patch
-
-if TYPE_CHECKING:
-    from .solver import FullWave
 
 EDGE = 4.0  # a piece ends at 4 ℓ, where the amplitude of the beam is 3e-4
 WHOLE = 8.0  # without a coherence length: ℓ is so small a part of the profile
@@ -41,40 +36,31 @@ def piece(surface: Heightfield, centre: float, taper: float, wavelength: float) 
     return max(0.0, centre - half), min(surface.size_um[1], centre + half)
 
 
-def scattered(
-    solver: FullWave,
-    surface: Heightfield,
-    incoming: Incoming,
-    detector: Detector,
-    wavelength_nm: float,
-    polarisations: tuple[str, ...],
-    sign: float,
-    tell: effort.Part,
-) -> Outcome:
+def scattered(task: Task) -> Outcome:
     """One wavelength: the mean over windows; the panels are converged in the middle window, and serve all others."""
-    wavelength, index = float(nm_to_um(wavelength_nm)), solver.index(wavelength_nm)
-    taper = taper_of(incoming, surface)
+    solver, surface, theta = task.solver, task.surface, task.theta
+    wavelength, index = float(nm_to_um(task.wavelength_nm)), solver.index(task.wavelength_nm)
+    taper = taper_of(task.incoming, surface)
     middles, independent = centres(surface, taper, solver.windows)
-    theta = sign * radians(incoming.theta_deg)
 
     def price(nodes: int) -> effort.Cost:
-        return effort.cost(nodes, index, len(polarisations), len(theta), False)
+        return effort.cost(nodes, index, len(task.polarisations), len(theta), False)
 
     def window(n: int, round_: int, part: effort.Part) -> list[Fields]:
         how = effort.resolution(surface, wavelength, index, solver.tol, round_)
         span = piece(surface, middles[n], taper, wavelength)
-        what = f"a piece of {span[1] - span[0]:.3g} µm at {wavelength_nm:g} nm"
+        what = f"a piece of {span[1] - span[0]:.3g} µm at {task.wavelength_nm:g} nm"
         curve = effort.affordable(surface, span, how, price, what)
         with effort.threads(curve.size):
-            patch = Patch.of(curve, wavelength, index, polarisations)
+            patch = Patch.of(curve, wavelength, index, task.polarisations)
             found: list[Fields] = []
-            for p in polarisations:
-                part((1 + len(found)) / (1 + len(polarisations)))
+            for p in task.polarisations:
+                part((1 + len(found)) / (1 + len(task.polarisations)))
                 found.append(patch.solve(theta, p, taper, middles[n]))
         return found
 
     def means(found: list[Fields]) -> tuple[Floats, Floats]:
-        pairs = [_detected(f, detector, sign, taper) for f in found]
+        pairs = [_detected(f, task.detector, task.sign, taper) for f in found]
         return np.stack([p[0] for p in pairs]), np.stack([p[1] for p in pairs])
 
     rounds: list[int] = []
@@ -85,25 +71,26 @@ def scattered(
         brdf = means(found)[0]
         return brdf.reshape(-1, brdf.shape[-1]), found, 0.0
 
-    _, middle, error = effort.converged(run, solver.tol, lambda part: tell(part / len(middles)))
+    _, middle, error = effort.converged(run, solver.tol, lambda part: task.tell(part / len(middles)))
     every: list[list[Fields]] = []
     for n in range(len(middles)):
         before = len(every) + (n < len(middles) // 2)  # windows that are done, the middle one included
 
         def part(share: float, before: int = before) -> None:
-            tell((before + share) / len(middles))
+            task.tell((before + share) / len(middles))
 
         every.append(middle if n == len(middles) // 2 else window(n, max(rounds), part))
-    tell(1.0)
+    task.tell(1.0)
     pairs = [means(found) for found in every]
     brdf = np.stack([p[0] for p in pairs])
     if len(middles) > 1:
         stderr = brdf.std(axis=0, ddof=1) / np.sqrt(independent)
-        attrs = {"stderr_estimate": f"spread over {independent:.1f} effective independent windows"}
+        spread = f"spread over {independent:.1f} effective independent windows"
     else:
         stderr = pairs[0][1]
-        attrs = {"stderr_estimate": "spread over the directions within a detector element: one window only"}
-    return _outcome(every, brdf.mean(axis=0), stderr, error, index, taper, middles, incoming.theta_deg, attrs)
+        spread = "spread over the directions within a detector element: one window only"
+    attrs, lit = {"stderr_estimate": spread}, task.incoming.theta_deg
+    return _outcome(every, brdf.mean(axis=0), stderr, error, index, taper, middles, lit, attrs)
 
 
 def _detected(found: Fields, detector: Detector, sign: float, taper: float) -> tuple[Floats, Floats]:
