@@ -10,12 +10,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...dataset import label, plain
-from ...directions import unit_vectors
 from ...errors import FileFormatError
-from ...units import radians
 from . import checks
 from .in_plane import SAME_ANGLE, dense_dataset, signed_angles
+from .out_of_plane import cell_dataset
 
 Floats = NDArray[np.float64]
 
@@ -124,95 +122,9 @@ def from_spectra(
     off = theta_i > SAME_ANGLE
     # light along the normal has no azimuth: the plane is that of the directions of reflection
     plane = float(phi_i[off][0]) if off.any() else float(phi_o[theta_o.argmax()]) % 180.0
+    told: dict[str, Any] = {"where": where, "attrs": attrs, "duplicates": repairs.duplicates}
     try:
         signed = [signed_angles(t, p, plane, where) for t, p in ((theta_i, phi_i), (theta_o, phi_o))]
     except FileFormatError:
-        return _hemisphere(directions, wavelength, spectra, stderr, repairs, where, attrs)
-    return dense_dataset(
-        signed[0],
-        signed[1],
-        wavelength,
-        spectra,
-        stderr,
-        plane=plane % 360.0,
-        where=where,
-        attrs=attrs,
-        duplicates=repairs.duplicates,
-    )
-
-
-def _hemisphere(
-    directions: Floats,
-    wavelength: Floats,
-    spectra: Floats,
-    stderr: Floats | None,
-    repairs: checks.Repairs,
-    where: str,
-    attrs: Mapping[str, Any],
-) -> xr.Dataset:
-    """Out of plane: dims (theta_i, cell, wavelength), the cells being all directions of reflection of the file."""
-    theta_i, phi_i, theta_o, phi_o = directions.T
-    planes = np.unique(np.round(phi_i[theta_i > SAME_ANGLE] % 360.0, 6))
-    if planes.size > 1:
-        raise FileFormatError(
-            f"{where} has light from {planes.size} azimuths ({planes[0]:g}°, {planes[1]:g}° …): only isotropic "
-            "samples, measured with one azimuth of incidence, are read"
-        )
-    axis_i, i = np.unique(np.round(theta_i / SAME_ANGLE) * SAME_ANGLE, return_inverse=True)
-    phi_o = np.where(theta_o <= SAME_ANGLE, 0.0, np.round(phi_o % 360.0, 6) % 360.0)
-    cells, c = np.unique(np.stack([theta_o, phi_o], axis=1), axis=0, return_inverse=True)
-    checks.check_size(axis_i.size * len(cells) * wavelength.size, where)
-    index = i.ravel() * len(cells) + c.ravel()
-    if repairs.duplicates == "error" and np.unique(index).size < index.size:
-        k, j = divmod(int(np.flatnonzero(np.bincount(index) > 1)[0]), len(cells))
-        raise FileFormatError(
-            f"{where}: θ_i = {axis_i[k]:g}°, θ_o = {cells[j, 0]:g}°, φ_o = {cells[j, 1]:g}° appears twice; "
-            "duplicates=mean or duplicates=first (--set) merges"
-        )
-    place, values, errors = checks.once(index, spectra, stderr, repairs.duplicates)
-    order = np.argsort(wavelength)
-
-    def dense(v: Floats) -> Floats:
-        full = np.full((axis_i.size * len(cells), wavelength.size), np.nan)
-        full[place] = v[:, order]
-        return full.reshape(axis_i.size, len(cells), wavelength.size)
-
-    dims = ("theta_i", "cell", "wavelength")
-    variables = {"brdf": (dims, dense(values))}
-    if errors is not None:
-        variables["brdf_stderr"] = (dims, dense(errors))
-    return label(
-        xr.Dataset(
-            variables,
-            coords={
-                "theta_i": axis_i,
-                "wavelength": wavelength[order],
-                "phi_i": float(planes[0]) if planes.size else 0.0,
-                "cell": np.arange(len(cells)),
-                "theta_o": ("cell", cells[:, 0]),
-                "phi_o": ("cell", cells[:, 1]),
-                "solid_angle": ("cell", solid_angles(cells[:, 0], cells[:, 1])),
-            },
-            attrs={
-                "method": "measured",
-                "pairs_measured": int(place.size),
-                "pairs_missing": int(axis_i.size * len(cells) - place.size),
-                **{k: plain(v) for k, v in attrs.items()},
-            },
-        )
-    )
-
-
-def solid_angles(theta_deg: Floats, phi_deg: Floats) -> Floats:
-    """(n,) solid angle in sr nearer to each direction than to any other, up to the horizon; NaN for fewer than four.
-
-    Cells of the spherical Voronoi diagram of the directions and their mirror images below the horizon, so that
-    cells end there.
-    """
-    from scipy.spatial import QhullError, SphericalVoronoi
-
-    up = unit_vectors(radians(theta_deg), radians(phi_deg))
-    try:
-        return SphericalVoronoi(np.concatenate([up, up * [1, 1, -1]])).calculate_areas()[: len(up)]
-    except (ValueError, QhullError, IndexError):
-        return np.full(len(up), np.nan)
+        return cell_dataset(directions, wavelength, spectra, stderr, **told)
+    return dense_dataset(signed[0], signed[1], wavelength, spectra, stderr, plane=plane % 360.0, **told)
