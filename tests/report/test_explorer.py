@@ -6,7 +6,6 @@ import base64
 import html
 import json
 import re
-import shutil
 import subprocess
 
 import numpy as np
@@ -21,13 +20,6 @@ from vgonio.report import quantities as q
 from vgonio.report.content import Content
 from vgonio.report.explorer import render_explorer
 from vgonio.report.explorer_data import UNKNOWN, embedded, plane_elements, thinned
-
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-FLAGS = (
-    ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-component-update"]
-    + ["--disable-background-networking", "--disable-sync", "--disable-dev-shm-usage", "--disable-extensions"]
-    + ["--enable-logging=stderr", "--virtual-time-budget=4000", "--dump-dom"]
-)  # fmt: skip
 
 
 def decoded(text: str, kind: str = "<f4") -> np.ndarray:
@@ -178,19 +170,10 @@ addEventListener("error", e => console.error("page error: " + e.message), true);
 </script></head>"""
 
 
-def seen_in_browser(path, folder, width, steps, address=""):
-    browser = next((p for name in BROWSERS if (p := shutil.which(name))), None)
-    if browser is None:
-        pytest.skip(f"none of {', '.join(BROWSERS)} is on the PATH: install chromium to load the page in a browser")
+def seen_in_browser(browser, path, folder, width, steps, address=""):
     probe = PROBE.replace("STEPS", json.dumps(steps))
     path.write_text(path.read_text(encoding="utf-8").replace("</head>", probe, 1), encoding="utf-8")
-    command = [
-        browser,
-        *FLAGS,
-        f"--user-data-dir={folder / 'p'}",
-        f"--window-size={width},900",
-        path.as_uri() + address,
-    ]
+    command = [*browser, f"--user-data-dir={folder / 'p'}", f"--window-size={width},900", path.as_uri() + address]
     run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     assert [line for line in run.stderr.splitlines() if "CONSOLE" in line] == []
     title = re.search(r"<title>(\{.*?\})</title>", run.stdout, re.S)
@@ -204,10 +187,10 @@ def shown(text: str) -> float:
 
 
 @pytest.mark.parametrize("width", [1280, 500])
-def test_page_in_a_browser(full_result, tmp_path, width):
+def test_page_in_a_browser(browser, full_result, tmp_path, width):
     path = explorer_page(full_result, tmp_path / "page.html")
     steps = [[0, 0, 0], [3, 5, 4], [4, 10, 16]]
-    seen = seen_in_browser(path, tmp_path, width, steps, "#ti=20&nm=620&to=30&log=0")
+    seen = seen_in_browser(browser, path, tmp_path, width, steps, "#ti=20&nm=620&to=30&log=0")
     results = q.results(full_result)
     first, *moved, back, clicked, hidden = seen["values"]
     assert first["out"] == ["20°", "620 nm", "30°"]
@@ -241,9 +224,9 @@ def test_page_in_a_browser(full_result, tmp_path, width):
     assert seen["requests"] == []
 
 
-def test_hemisphere_in_a_browser(hemisphere, tmp_path):
+def test_hemisphere_in_a_browser(browser, hemisphere, tmp_path):
     path = explorer_page(hemisphere, tmp_path / "page.html")
-    seen = seen_in_browser(path, tmp_path, 500, [[1, 1, 3]])
+    seen = seen_in_browser(browser, path, tmp_path, 500, [[1, 1, 3]])
     rays = hemisphere["rays"].to_dataset()
     signed, index = plane_elements(rays)
     here = rays.sel(theta_i=30, wavelength=550).isel(cell=index[3])
