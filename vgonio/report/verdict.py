@@ -49,7 +49,7 @@ class Verdict:
         """Plain text: alarms, statements, cautions, an item each."""
         marked = [*(f"! {a}" for a in self.alarms), *(f"- {s}" for s in self.statements)]
         lines = [*marked, *(f"? {c}" for c in self.cautions)]
-        return "\n".join(textwrap.fill(line, 110, subsequent_indent="  ") for line in lines)
+        return "\n".join(textwrap.fill(line, 110, subsequent_indent="  ", break_on_hyphens=False) for line in lines)
 
 
 @dataclass(frozen=True)
