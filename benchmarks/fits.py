@@ -13,8 +13,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
 import time
 from typing import Any
 
@@ -22,6 +20,7 @@ import numpy as np
 import xarray as xr
 
 from vgonio import models
+from vgonio.accuracy import machine
 from vgonio.compare import fit_global_shift, fit_local_shift, fit_model, fit_two_shifts
 
 NOISE = 0.01
@@ -155,7 +154,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     if options.json:
         print(json.dumps(result, indent=1))
         return result
-    print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}")
+    print(machine())
     print(f"\n{seeds} seeds of {NOISE:.0%} noise; RMS of the pulls")
     for name, row in (*rows.items(), *((f"{k}, by spectrum", r) for k, r in cautious.items())):
         text = ", ".join(f"{k} {v:.2f}" for k, v in row["pulls"].items())

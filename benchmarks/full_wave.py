@@ -12,23 +12,16 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
 import time
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 import vgonio as vg
+from vgonio.accuracy import machine
 from vgonio.wave.full_wave import periodic, profile, tapered
 
 INDEX = 0.79 + 5.85j  # aluminium at 550 nm
-
-
-def machine() -> str:
-    """Processor, threads and versions that the figures belong to."""
-    model = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if "model name" in line), "?")
-    return f"{model}, {os.cpu_count()} threads, {platform.platform()}, load {os.getloadavg()[0]:.1f}"
 
 
 def timed(work):

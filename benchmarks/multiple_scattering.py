@@ -20,9 +20,9 @@ import time
 import warnings
 
 import numpy as np
-from waves import machine
 
 import vgonio as vg
+from vgonio.accuracy import machine
 from vgonio.materials import material
 from vgonio.surface import Heightfield
 from vgonio.wave.full_wave import scatter_profile
@@ -202,8 +202,10 @@ def main(arguments: list[str] | None = None) -> dict:
     first, step = (int(n) for n in asked.part.split("/"))
     cases = ((1.0, 2.0, "perfect"),) if asked.quick else () if asked.growth else CASES[first - 1 :: step]
     realisations = 4 if asked.quick else asked.realisations
-    print(machine())
-    result: dict = {"machine": machine(), "realisations": realisations, "rows": [], "seconds": [], "retro": {}}
+    here = machine()
+    named = f"{here['processor']}, {here['processors']} processors, {here['system']}, load {here['load']}"
+    print(named)
+    result: dict = {"machine": named, "realisations": realisations, "rows": [], "seconds": [], "retro": {}}
     header = ("of", "σ/λ", "T/λ", "slope", "pol", "θ_i", *METHODS, "noise", "power 1", "power 3", "power s2", "oracle")
     print("  ".join(f"{h:>8s}" for h in header))
     for sigma, correlation, name in cases:

@@ -10,8 +10,6 @@ in the same order, in single precision already.
 from __future__ import annotations
 
 import argparse
-import os
-import platform
 import resource
 import time
 from collections.abc import Callable
@@ -21,6 +19,7 @@ from typing import Any
 import numpy as np
 
 import vgonio as vg
+from vgonio.accuracy import machine
 from vgonio.geometric.beam import ParallelBeam, Scene, Strip
 from vgonio.geometric.embree import Embree
 from vgonio.geometric.singles import Counts, count_batch
@@ -31,18 +30,6 @@ RMS, CORRELATION, PITCH = 1.0, 5.0, 0.625  # µm
 
 def rough(samples: int = 256) -> vg.surface.Heightfield:
     return vg.surface.gaussian(rms_um=RMS, correlation_um=CORRELATION, shape=(samples, samples), pitch_um=PITCH, seed=0)
-
-
-def machine() -> str:
-    model = (
-        next(
-            (line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")),
-            platform.processor(),
-        )
-        if os.path.exists("/proc/cpuinfo")
-        else platform.processor()
-    )
-    return f"{model}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}, Python {platform.python_version()}"
 
 
 def timed(work: Callable[[], Any]) -> tuple[float, float, Any]:

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
 import time
 from typing import Any
 
 import numpy as np
 
+from vgonio.accuracy import machine
 from vgonio.render import Preview, choose, of_model, radiance, use
 from vgonio.render.normbox import load
 from vgonio.render.normbox import predict as predictions
@@ -28,12 +27,6 @@ KINDS: dict[str, dict[str, Any]] = {
     "conductor": {"alpha": 0.3, "material": "Al"},
     "dielectric": {"alpha": 0.3, "eta": 1.5, "k_d": 0.3},
 }
-
-
-def machine() -> str:
-    threads = os.environ.get("OMP_NUM_THREADS", "all")
-    name = platform.processor() or platform.machine()
-    return f"{name}, {os.cpu_count()} processors, threads {threads}, load {os.getloadavg()[0]:.1f}"
 
 
 def overhead(mi: Any, kind: str, pairs: int, size: int, samples: int) -> dict[str, float]:

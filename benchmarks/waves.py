@@ -15,26 +15,19 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
 import resource
 import time
 
 import numpy as np
 
 import vgonio as vg
+from vgonio.accuracy import machine
 from vgonio.errors import BackendError
 from vgonio.wave import nufft, opencl, reference
 from vgonio.wave.fourier import evaluate
 from vgonio.wave.quadrature import Points
 
 ASKED = 1e9  # terms per second that the direct sum was to reach
-
-
-def machine() -> str:
-    """Processor, threads and versions that the figures belong to."""
-    model = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if "model name" in line), "?")
-    return f"{model}, {os.cpu_count()} threads, {platform.platform()}, load {os.getloadavg()[0]:.1f}"
 
 
 def timed(work):

@@ -34,7 +34,7 @@ def test_waves(capsys):
 def test_rays(capsys):
     load("rays").main(["--quick"])
     out = capsys.readouterr().out
-    for words in ("processors, load", "intersection stage / bare embreex", "fewer rays by", "triangles", "reference"):
+    for words in ("'load':", "intersection stage / bare embreex", "fewer rays by", "triangles", "reference"):
         assert words in out
 
 
