@@ -18,6 +18,8 @@ from vgonio import report
 from vgonio.compare.colour import delta_e_2000
 from vgonio.errors import InputError
 from vgonio.measure.surface_summary import surface_dataset
+from vgonio.report.content import Content
+from vgonio.report.sections import compose
 from vgonio.report.style import NOTEBOOK_DPI
 
 PLOTS = [name for name in report.__all__ if name.startswith("plot_")]
@@ -113,6 +115,22 @@ def test_surface_pictures_take_the_summary(full_result, surface_summary):
     for data in (full_result, full_result["surface"], surface_summary):
         figure = data.vgonio.plot_heights()
         np.testing.assert_allclose(figure.axes[0].lines[0].get_ydata(), surface_summary["height_density"])
+
+
+def test_the_verdict_in_words_is_that_of_the_page(full_result, wave_result):
+    said = full_result.vgonio.verdict()
+    lines = str(said).splitlines()
+    assert max(map(len, lines)) <= 110
+    assert " ".join(str(said).split()) == " ".join(
+        word
+        for mark, items in (("!", said.alarms), ("-", said.statements), ("?", said.cautions))
+        for item in items
+        for word in (mark, *item.split())
+    )
+    whole, _ = compose(Content.of(full_result))
+    assert said == whole
+    assert any("and the measurement differ by" in s for s in said.statements)
+    assert not any("differ by" in s for s in wave_result.vgonio.verdict().statements)  # one alone
 
 
 def test_surface_pictures_take_a_heightfield():
