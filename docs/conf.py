@@ -68,10 +68,12 @@ def _prepare(app, what, name, obj, options, lines: list[str]) -> None:
     lines[:] = as_markup(lines, KNOWN)
 
 
+NOTEBOOK = re.compile(r"\[([^\]]*)\]\((?:\.\./)+notebooks/(\w+)\.ipynb\)")
+
+
 def _notebooks(app, name: str, source: list[str]) -> None:
-    """Links to the notebooks, which as the files stand lead to the folder beside this one, lead to their pages."""
-    if name == "notebooks":
-        source[0] = re.sub(r"\[([^\]]*)\]\(\.\./notebooks/(\w+)\.ipynb\)", r"{doc}`\1 <notebooks/\2>`", source[0])
+    """Links to the notebooks, which as the files stand lead to their folder, lead to their pages."""
+    source[0] = NOTEBOOK.sub(r"{doc}`\1 </notebooks/\2>`", source[0])
 
 
 def setup(app) -> None:
