@@ -274,7 +274,7 @@ def test_page_from_a_file_and_from_a_surface(tmp_path, wave_result):
 
 def test_agreement_of_results_that_differ_by_known_factors(wave_result):
     """A fifth more light on the source's side only: medians 0 and 20 %, and NRMSE in closed form; to rounding."""
-    from vgonio.report.verdict import agreement
+    from vgonio.report.agreement import agreement
 
     side = wave_result["theta_o"] * wave_result["theta_i"] > 0
     brighter = wave_result.copy(deep=True)

@@ -9,13 +9,14 @@ import xarray as xr
 
 from . import figures, tables
 from . import quantities as q
+from .agreement import Agreement, pairs
 from .colour_sections import colour_differences, colour_section, spectra_section
 from .content import Content
 from .path_sections import optional_sections
 from .section import Detail, Section
 from .shifts import comparison_of, shift_slopes
 from .tables import Table, number, percent
-from .verdict import Agreement, Verdict, pairs, verdict
+from .verdict import Verdict, verdict
 
 
 def judged(content: Content) -> Verdict:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from ..compare.metrics import align, nrmse
-from ..errors import InputError
 from . import quantities as q
+from .agreement import Agreement
 from .content import Content
 from .shifts import SIGNIFICANT, in_words, mean_shift, signed
 from .style import angle
@@ -50,20 +47,6 @@ class Verdict:
         marked = [*(f"! {a}" for a in self.alarms), *(f"- {s}" for s in self.statements)]
         lines = [*marked, *(f"? {c}" for c in self.cautions)]
         return "\n".join(textwrap.fill(line, 110, subsequent_indent="  ", break_on_hyphens=False) for line in lines)
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """How far two results are apart. Medians are of |a − b|/b where b exceeds 10⁻³ of its largest value."""
-
-    names: tuple[str, str]
-    nrmse: float  # over all common directions and wavelengths
-    noise: float  # the NRMSE that the standard errors alone would give; NaN where there are none
-    median: float
-    mirror_side: float  # the median where θ_o and θ_i lie on different sides of the normal, in plane
-    source_side: float
-    within: float  # share of the directions that differ by less than a tenth, averaged over the spectrum
-    directions: int
 
 
 def verdict(
@@ -208,48 +191,6 @@ def crossing(one: xr.Dataset, theta_i: float) -> str:
 
 
 # ---- agreement
-def pairs(results: Mapping[str, xr.Dataset]) -> list[Agreement]:
-    """Every pair of results that have directions and wavelengths in common; the second, the reference, is the later."""
-    found = []
-    for a, b in itertools.combinations(results, 2):
-        try:
-            found.append(agreement(results, a, b))
-        except InputError:
-            continue
-    return found
-
-
-def agreement(results: Mapping[str, xr.Dataset], a: str, b: str) -> Agreement:
-    """NRMSE and more of `a` against the reference `b`; InputError where they have nothing in common."""
-    x, y = align(results[a], results[b])
-    both = np.isfinite(x["brdf"]) & np.isfinite(y["brdf"])
-    relative = (abs(x["brdf"] - y["brdf"]) / y["brdf"]).where(both & q.bright(y))
-    spread = relative.mean("wavelength")
-    known = np.isfinite(spread)
-    mirror_side = source_side = math.nan
-    if q.in_plane(y):
-        side = y["theta_o"] * y["theta_i"]
-        mirror_side, source_side = (float(relative.where(chosen).median()) for chosen in (side < 0, side > 0))
-    return Agreement(
-        (a, b),
-        float(nrmse(results[b], results[a])),
-        # two theories of one surface see the same windows: their speckle is no difference between them
-        math.nan if a.startswith("waves") and b.startswith("waves") else noise_of(x, y, both),
-        float(relative.median()),
-        mirror_side,
-        source_side,
-        float((spread < 0.1).where(known).mean()),
-        int(known.sum()),
-    )
-
-
-def noise_of(x: xr.Dataset, y: xr.Dataset, both: Any) -> float:
-    """NRMSE that the standard errors alone would give; y is the reference."""
-    parts = [(d["brdf_stderr"] ** 2).where(both) for d in (x, y) if "brdf_stderr" in d]
-    mean = float(y["brdf"].where(both).mean())
-    return float(np.sqrt(sum(float(p.mean()) for p in parts)) / mean) if parts and mean > 0 else math.nan
-
-
 def agreement_of(
     made: Verdict, results: Mapping[str, xr.Dataset], pair: Agreement, colour: Mapping[str, float]
 ) -> None:
