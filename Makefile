@@ -10,14 +10,14 @@ WORKERS ?= auto
 .DEFAULT_GOAL := help
 
 help:
-	@echo "make demo    simulate examples/demo/scene.toml and write out/demo.html"
-	@echo "make test    run the tests"
-	@echo "make validated    write what the tests found into docs/validated_table.md and README.md"
-	@echo "make check   lint, formatting, types, import rule, structure"
-	@echo "make docs    write the pages of docs/ as out/docs/index.html; a warning is an error"
-	@echo "make notebooks    make notebooks/ again from the scripts of examples/, executed"
-	@echo "make format  put the formatting right"
-	@echo "make clean   remove .venv, out and caches"
+	@echo "make demo       simulate examples/demo/scene.toml and write out/demo.html"
+	@echo "make test       run the tests"
+	@echo "make validated  write what the tests found into docs/validated_table.md and README.md"
+	@echo "make check      lint, formatting, types, import rule, structure"
+	@echo "make docs       write the pages of docs/ as out/docs/index.html; a warning is an error"
+	@echo "make notebooks  make notebooks/ again from the scripts of examples/, executed"
+	@echo "make format     put the formatting right"
+	@echo "make clean      remove .venv, out and caches"
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "vgonio needs Python 3.11 or newer with venv (on Debian: apt install python3-venv)" >&2; exit 1; }

@@ -7,7 +7,7 @@
 #
 # No measured pair of height field and BRDF can be shipped with the package. So both measurements are *virtual*: a
 # surface that is known exactly, a microscope with the faults of a real one, and a BRDF from another place of the same
-# sample. The advantage is that the truth is known, so each step can be judged. The last section reads a file of a real
+# sample. The advantage is that the truth is known, so each step can be judged. Section 7 reads a file of a real
 # instrument.
 
 # %%
