@@ -8,11 +8,13 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from ..errors import InputError
+from ..files import written_whole
 
 # read by the numerical libraries when they are loaded, so set before that
 THREAD_VARIABLES = (
@@ -63,6 +65,12 @@ def say(text: str) -> None:
     """A line for people on standard output, unless --quiet."""
     if not is_quiet():
         print(text)
+
+
+def save_figure(figure: Any, path: Path) -> None:
+    """A matplotlib figure as PNG, written whole or not at all."""
+    with written_whole(path) as stream:
+        figure.savefig(stream, format="png", dpi=150)
 
 
 def print_json(value: Any) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import InputError, VgonioError
-from .common import Json, Quiet, Threads, print_json, print_table, progress_bars, say
+from .common import Json, Quiet, Threads, print_json, print_table, progress_bars, save_figure, say
 from .results import load_all, load_one
 
 SHIFT_COLUMNS = ("of", "quantity", "value", "error", "unit")
@@ -246,11 +246,13 @@ def _draw(folder: Path, samples: Any, fits: Any, reflector: Any, p: Any, wavelen
 
     def keep(name: str, make: Any) -> None:
         try:
-            path = folder / f"{name}.png"
-            make().savefig(path, dpi=150)
-            drawn.append(f"figure: {path}")
+            figure = make()
         except VgonioError as e:
             drawn.append(f"not drawn, {name}: {e}")
+            return
+        path = folder / f"{name}.png"
+        save_figure(figure, path)
+        drawn.append(f"figure: {path}")
 
     def slope_of(data: Any) -> Any:
         local = fit_local_shift(data, reflector, p, wavelength_n)

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import InputError, VgonioError, nearest
-from .common import Json, Quiet, Threads, busy, print_json, print_table, say
+from .common import Json, Quiet, Threads, busy, print_json, print_table, save_figure, say
 
 RESULT_ENDINGS = (".nc", ".nc4", ".h5")
 
@@ -93,7 +93,7 @@ def _explained(data: dict[str, Any], reference: str, reflector: Any, figures: Pa
         from ..report.figures import explained
 
         figures.mkdir(parents=True, exist_ok=True)
-        explained(found).savefig(figures / "explained.png", dpi=150)
+        save_figure(explained(found), figures / "explained.png")
     rows = []
     for i, name in enumerate(found["explanation"].values):
         share, error, sigma = (float(found[k][i]) for k in ("share", "share_stderr", "significance"))

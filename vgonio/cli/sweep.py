@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import InputError, VgonioWarning
-from .common import Json, Quiet, Set, print_json, print_table, progress_bars, say
+from .common import Json, Quiet, Set, print_json, print_table, progress_bars, save_figure, say
 
 
 def sweep(
@@ -69,15 +69,13 @@ def sweep(
 
 
 def _written(tree: Any, folder: Path) -> list[tuple[str, Path]]:
-    from ..files import written_whole
     from ..measure import save
     from ..report.sweep_figures import overview
 
     done = [("result", save(tree, folder / "result.nc"))]
     figure = overview(tree)
     if figure is not None:
-        with written_whole(folder / "overview.png") as stream:
-            figure.savefig(stream, format="png", dpi=150)
+        save_figure(figure, folder / "overview.png")
         done.append(("overview", folder / "overview.png"))
     return done
 
