@@ -13,7 +13,7 @@ import multiple_scattering as bench
 import numpy as np
 
 COLOURS = dict(zip(bench.METHODS, ("#888888", "#5b8ff9", "#e8a33d", "#9270ca", "#d64550", "#1c6b3a")))
-SHOWN = ("single", "shadowed", "rays", "iterated 2", "iterated 3", "sweeps 2", "noise")
+SHOWN = ("single", "shadowed", "rays", "iterated 2", "iterated 3", "diffraction", "noise")
 
 
 def merged(paths: list[str]) -> dict:
@@ -74,7 +74,7 @@ def _errors(axes, result: dict) -> None:
 
 def _lobes(axes, curves: dict) -> None:
     centre = bench.FINE[np.abs(bench.FINE) < 80].reshape(-1, round(bench.BIN / 0.5)).mean(axis=1)
-    for method in ("full wave", "sweeps 2", "iterated 3", "shadowed", "single"):
+    for method in ("full wave", "diffraction", "iterated 3", "shadowed", "single"):
         colour, style = ("k", "-") if method == "full wave" else (COLOURS[method], "--")
         width = 2.4 if method == "full wave" else 1.4
         axes.plot(centre, bench.binned(np.array(curves[method])), style, color=colour, label=method, lw=width)
@@ -86,8 +86,8 @@ def _lobes(axes, curves: dict) -> None:
 
 def table(rows: list[dict]) -> list[str]:
     """Markdown rows."""
-    powers = ("full wave", "single", "iterated 3", "sweeps 2")
-    head = ["", "σ/λ", "T/λ", "slope", "", "θ_i", *SHOWN, *(f"power {p}" for p in powers)]
+    powers = ("full wave", "single", "iterated 3", "diffraction")
+    head = ["material", "σ/λ", "T/λ", "slope", "", "θ_i", *SHOWN, *(f"power {p}" for p in powers)]
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     for r in rows:
         mark = " (T < λ)" if r["T"] < 1 else ""
@@ -106,7 +106,7 @@ def summary(rows: list[dict]) -> list[str]:
         "aluminium, all": [r for r in rows if r["material"] == "Al"],
         "glass, all": [r for r in rows if r["material"] == "SiO2"],
     }
-    methods = ("single", "shadowed", "iterated 3", "sweeps 2")
+    methods = ("single", "shadowed", "iterated 3", "diffraction")
     lines = [
         "| error (power over that of the full wave) | " + " | ".join(methods) + " |",
         "|" + "---|" * (1 + len(methods)),
@@ -149,13 +149,13 @@ def page(result: dict, remarks: str) -> str:
     ])  # fmt: skip
 
 
-def main() -> None:
+def main(arguments: list[str] | None = None) -> None:
     """Read results, write what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("results", nargs="+", help="JSON files of multiple_scattering.py, the parts of one run")
     parser.add_argument("--figure", help="PNG file")
     parser.add_argument("--page", help="Markdown file")
-    asked = parser.parse_args()
+    asked = parser.parse_args(arguments)
     result = merged(asked.results)
     if asked.figure:
         draw(asked.figure, result)

@@ -36,10 +36,18 @@ class Beam:
     centre: float = 0.0
     along: bool = False
 
-    def field(self, curve: Curve, k: float, theta: Floats, level: Floats | float = 0.0) -> tuple[Complex, Complex]:
+    def field(
+        self,
+        curve: Curve,
+        k: float,
+        theta: Floats,
+        level: Floats | float = 0.0,
+        carried: NDArray[np.bool_] | bool = True,
+    ) -> tuple[Complex, Complex]:
         """Incident u and ∂u/∂n on a curve from directions θ (signed, radians): (n, len(theta)) each.
 
         level : (len(theta),) height in µm at which a window that is carried along is centred
+        carried : (len(theta),) whether it may be
         """
         if self.kind == "tapered":
             extent = float(np.abs(curve.x - self.centre).max() + np.abs(curve.z).max())
@@ -48,7 +56,7 @@ class Beam:
             return np.stack([p[0] for p in parts], axis=1), np.stack([p[1] for p in parts], axis=1)
         x, z = curve.x[:, None], curve.z[:, None]
         s, c = np.sin(theta), np.cos(theta)
-        beam = self.collimated(k, theta)
+        beam = self.collimated(k, theta) & carried
         slant = np.where(beam, np.tan(theta), 0.0)
         across = x - self.centre - (z - level) * slant
         wave = np.exp(-1j * k * (s * x + c * z))

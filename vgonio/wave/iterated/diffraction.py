@@ -13,7 +13,7 @@ from .equation import Equation, rule_of
 from .far_field import far_amplitudes
 from .sweeps import sweep
 
-SETTLED = 0.03  # mean square change by the last sweep over the field's up to which its field is taken
+SETTLED = 0.02  # mean square change by the last sweep over the field's up to which its field is taken
 
 if TYPE_CHECKING:
     from .profile import Light, Stretch
