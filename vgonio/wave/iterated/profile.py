@@ -59,7 +59,7 @@ class Stretch:
 
     def incident(self, k: float, theta: Floats) -> tuple[Complex, Complex]:
         """u and ∂u/∂n of the light alone, (n, len(theta)) each."""
-        return self.beam.field(self.curve, k, theta, self._level(theta))
+        return self.beam.field(self.curve, k, theta, self._level(theta), self.again(theta))
 
     def _level(self, theta: Floats) -> Floats:
         """(len(theta),) mean height at which the light meets the profile, around the middle of the beam."""

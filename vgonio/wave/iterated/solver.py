@@ -76,7 +76,7 @@ class IteratedKirchhoff:
     wavelength_nm: Any = (550.0,)
     bounces: int = 3
     tol: float = 1e-3
-    sweeps: int = 2
+    sweeps: int = 4
     window_um: float | None = None
     windows: int | None = None
     beam: str = "window"
