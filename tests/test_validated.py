@@ -101,13 +101,14 @@ def test_what_is_no_agreement_fails(agreement, request) -> None:
 
 
 def test_the_table_keeps_its_word(agreement, printed, request, monkeypatch) -> None:
-    """A figure ten times worse than the one in print fails, what is rounding does not; the record is kept."""
+    """Ten times the share of the limit that is in print fails, what is rounding does not; the record is kept."""
     call = agreement
     monkeypatch.setitem(printed, "q", 1e-3)
+    call("q", "a", 9e-9, 1e-6)
     call("q", "a", 9e-3, 1.0)
-    with pytest.raises(AssertionError, match="renews the table"):
-        call("q", "a", 2e-2, 1.0)
+    with pytest.raises(AssertionError, match="renews it"):
+        call("q", "a", 2e-8, 1e-6)
     monkeypatch.setitem(printed, "q", 1e-16)
     call("q", "a", 1e-14, 1e-9)
-    assert len(request.node.user_properties) == 3
+    assert len(request.node.user_properties) == 4
     request.node.user_properties.clear()
