@@ -51,9 +51,9 @@ class IteratedKirchhoff:
         they add is brdf_diffraction; 0 leaves it out. Where they do not settle, and for materials and windows without a
         rule (diffraction_left_out), the sum of reflections stays
     tol : the series ends before an order whose mean square field on the surface is below this share of the first's
-        (bounces_done). The spacing of the points makes an error of its own, error_achieved, on rough and deep profiles
-        0.2 to 2 %, with a warning where it is above tol; more points lessen it slowly, since edges of shadows fall
-        between them wherever they are
+        (bounces_done), and the sweeps where they change no more than that. The spacing of the points makes an error of
+        its own, error_achieved, with a warning where it is above tol: with sweeps below 1e-3 on smooth rough profiles,
+        without them and on patches 0.2 to 10 %, since edges of shadows fall between the points wherever they are
     window_um : full side of the patch. The amplitude falls as exp(−r²/2ℓ²) with ℓ the smaller of the light's coherence
         length and a sixth of the side. None takes six coherence lengths, in three dimensions at most 20 µm
     windows : at most so many windows, spread over the surface; None takes all of a profile, one patch in 3-D
@@ -67,8 +67,9 @@ class IteratedKirchhoff:
     The incident power is what the lit points of the windows receive, so that the energy balance of a few windows holds.
     Profiles (all rows equal) are two-dimensional problems, with TE for s and TM for p; patches carry vector fields and
     run on an OpenCL device. Results have `brdf_by_bounce`
-    (each order by itself), `brdf_interference` (the sum of their interference terms: brdf − Σ brdf_by_bounce) and the
-    like of energies. The theory is single-valued tangent planes: where it is out of range, the attribute `limits` and a
+    (each order by itself), `brdf_interference` (the sum of their interference terms), on profiles `brdf_diffraction` (what
+    the sweeps change in their coherent sum), which add up to brdf, and the like of energies. Without sweeps the theory
+    is that of single-valued tangent planes: where it is out of range, the attribute `limits` and a
     warning say so. `scatter` raises InputError, MaterialError and ToleranceError (too many points).
     """
 
