@@ -8,7 +8,9 @@ from __future__ import annotations
 import json
 import os
 import secrets
+import signal
 import stat
+import threading
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -41,6 +43,28 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
         raise FileFormatError(f"cannot write {path}: {e.strerror or e}") from None
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def undisturbed(interrupt_after: bool = True) -> Iterator[None]:
+    """Ctrl-C and SIGTERM within the block take effect at its end, or not at all: for what must not be broken off.
+
+    HDF5 calls Python back while it writes and loses what is raised there; and a second Ctrl-C must not undo what the
+    first one keeps. Outside the main thread, where no signal arrives, nothing changes.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[tuple[Any, ...]] = []
+    signals = [s for s in (signal.SIGINT, signal.SIGTERM) if callable(signal.getsignal(s))]
+    before: dict[int, Any] = {s: signal.signal(s, lambda *arguments: came.append(arguments)) for s in signals}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if came and interrupt_after:
+        before[came[0][0]](*came[0])
 
 
 # ---- reading

@@ -173,12 +173,14 @@ def _keep_finished(tree: xr.DataTree, run: _Run, path: Path | None, interrupt: K
     if path is None or not finished:
         interrupt.add_note("nothing was finished, nothing is kept")
         return
+    from .files import undisturbed
     from .measure.storage import save
 
     partial = path.with_name(f"{path.stem}.partial{path.suffix}")
     run.store(tree)
     tree.attrs |= {"interrupted": "yes: groups that were not finished are absent"}
-    save(tree, with_folder(partial))
+    with undisturbed(interrupt_after=False):
+        save(tree, with_folder(partial))
     interrupt.add_note(f"finished parts ({', '.join(finished)}) are kept in {partial}")
 
 

@@ -14,7 +14,7 @@ import xarray as xr
 
 from ..dataset import check, plain
 from ..errors import FileFormatError
-from ..files import require_file, written_whole
+from ..files import require_file, undisturbed, written_whole
 from ..hdf5 import require_harmless
 
 FORMAT = "vgonio result"
@@ -40,7 +40,7 @@ def save(result: xr.DataTree | xr.Dataset, path: str | os.PathLike[str]) -> Path
         node.path: {str(v): {"zlib": True, "complevel": 4} for v in node.data_vars if node[str(v)].ndim}
         for node in tree.subtree
     }
-    with warnings.catch_warnings():
+    with undisturbed(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*Consolidated metadata.*")
         # in memory: HDF5 that meets a full disk takes the whole process with it
         content = tree.to_netcdf(None, engine="h5netcdf", encoding=encoding)
