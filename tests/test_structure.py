@@ -239,5 +239,32 @@ def test_fixed_commands_exist():
     assert set(COMMANDS) <= set(get_command(app).commands)  # type: ignore[attr-defined]
 
 
+# ---- one fact in one place
+def option(command, name: str):
+    import inspect
+
+    return inspect.signature(command).parameters[name].default
+
+
+def test_defaults_of_the_command_line_are_the_librarys():
+    """The command line writes them out, since to look them up is to load what `--help` does without."""
+    from vgonio import display
+    from vgonio.cli import display as shown
+    from vgonio.cli import measured
+    from vgonio.measure import calibration
+
+    assert option(measured.calibrate, "theta_i") == calibration.THETA_I_DEG
+    assert float(option(measured.calibrate, "standard_nm")) == calibration.STANDARD_NM
+    for command in (shown.characterise, shown.verify, shown.calibrate):
+        for name in ("levels", "bits"):
+            assert option(command, name) == option(display.ramp_colours, name) == option(display.examine_virtual, name)
+
+
+def test_the_citation_names_the_version():
+    import vgonio
+
+    assert f"version: {vgonio.__version__}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+
+
 if __name__ == "__main__":
     NAMES.write_text("\n".join(public_names()) + "\n", encoding="utf-8")
