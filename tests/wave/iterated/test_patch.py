@@ -10,12 +10,18 @@ import pytest
 
 import vgonio as vg
 from vgonio.errors import BackendError, InputError, ToleranceError, VgonioWarning
+from vgonio.materials import film, material
 from vgonio.surface import Heightfield
 from vgonio.wave import opencl
 from vgonio.wave.coherence import Window
 from vgonio.wave.iterated import IteratedKirchhoff
-from vgonio.wave.iterated.pairs import Grid, horizon_map, reflect_opencl, reflect_reference, seen_from
-from vgonio.wave.iterated.patch import Patch
+from vgonio.wave.iterated.blocks import levels
+from vgonio.wave.iterated.choice import choose
+from vgonio.wave.iterated.far_waves import horizon_map
+from vgonio.wave.iterated.pair_reference import reflect_reference, seen_from
+from vgonio.wave.iterated.pairs import Grid, reflect_blocks, reflect_opencl
+from vgonio.wave.iterated.patch import Patch, first_fields
+from vgonio.wave.iterated.place import Places
 
 
 @pytest.fixture(autouse=True)
@@ -43,12 +49,59 @@ def test_kernel_equals_the_reference(index, n, rng, agreement):
     """Two random fields on a steep surface, observers in corners and inside: single precision, 1e-5 of the largest."""
     grid = grid_of(rough(0.4, 1.0, n, 0.08))
     source = rng.normal(size=(2, 12, n, n))
+    if index is None:
+        source[:, :6] = 0  # N × E vanishes on perfect conductors
     observers = [(0, 0), (n - 1, n - 1), (3, 10), (n // 2, n // 2), (n - 2, 5), (7, n - 1)]
     got = reflect_opencl(grid, source, 2 * np.pi / 0.55, index)
     exact = reflect_reference(grid, source, 2 * np.pi / 0.55, index, observers)
     got = np.stack([got[:, :, y, x] for y, x in observers], axis=-1)
     error = np.max(np.abs(got - exact)) / np.max(np.abs(exact))
     agreement("iterated Kirchhoff, kernel of pairs", "double precision, numpy", error, 1e-5)
+
+
+@pytest.mark.parametrize("name", ["perfect", "Al"])
+def test_blocks_equal_all_pairs(name, agreement):
+    """Fields of a second reflection on 10 µm, slopes of 0.5: each level of rules keeps to the error that it promises,
+    and what it measures on a few rows is the error of all rows to a factor of 3."""
+    surface = rough(1.77, 5.0, 80, 0.2, seed=3)
+    patch = Patch.of(surface, Window(10 / 6, (5, 5), (8, 8)), 0.55 / 7, 0.0)
+    k, metal = 2 * np.pi / 0.55, material(name)
+    index = None if metal.perfect else complex(metal.index(550.0))
+    source = first_fields(patch, np.array([0.5, 0, np.sqrt(0.75)]), k, metal, 550.0, 0.0)
+    exact = reflect_opencl(patch.grid, source, k, index)
+    for asked in (1e-2, 1e-3):
+        found, told = reflect_blocks(patch.grid, source, k, index, levels(asked, patch.grid.pitch)[0])
+        error = np.linalg.norm(found - exact) / np.linalg.norm(exact)
+        agreement(f"iterated Kirchhoff, blocks of points at {asked:g}", "all pairs", error, asked)
+        assert told / 3 < error < 3 * told
+
+
+def test_blocks_in_the_solver():
+    """Energies and lobe by blocks and by all pairs: within the tolerance; and what is chosen where."""
+    surface = rough(2.0, 5.0, 80, 0.25, seed=3)
+    gonio = vg.measure.Gonioreflectometer([30], range(-60, 61, 20), coherence_um=None, aperture_deg=6)
+    found = [
+        gonio.measure(surface, IteratedKirchhoff("perfect", [800], window_um=10, bounces=2, method=m))
+        for m in ("blocks", "pairs", "auto")
+    ]
+    assert 0 < found[0].attrs["pairs_error"] < 1e-3
+    assert found[1].attrs["pairs_error"] == 0
+    assert [f.attrs["backend"].split()[-1] for f in found] == ["blocks", "pairs", "pairs"]
+    assert float(np.abs(found[0].brdf - found[1].brdf).max() / found[1].brdf.max()) < 1e-3
+    assert np.allclose(found[0].energy_by_bounce, found[1].energy_by_bounce, atol=1e-4)
+    assert float(np.abs(found[2].brdf - found[1].brdf).max()) == 0
+    with pytest.raises(InputError, match="blocks"):
+        IteratedKirchhoff(method="block")
+
+
+def test_blocks_are_chosen_where_wide_slopes_see_each_other():
+    """2.6·10⁵ points each: on the one most of what is seen is seen as a whole, on the other nearly nothing."""
+    for correlation, blocks in ((16.0, True), (2.0, False)):
+        surface = rough(0.35 * correlation, correlation, 200, 0.25)
+        solver = IteratedKirchhoff("Al", [550], window_um=40, windows=1)
+        chosen = choose(solver, surface, Places.of(surface, 40, None, 1))
+        assert chosen.blocks == blocks
+        assert "seen as a whole" in chosen.why
 
 
 def test_sight_in_a_valley_and_over_a_ridge():
@@ -138,6 +191,9 @@ def test_gentle_patches_cost_one_reflection_and_bad_ones_are_refused():
     for bad in ({"beam": "tapered"}, {"shadowing": False, "bounces": 1}):
         with pytest.raises(InputError):
             gonio.measure(gentle, IteratedKirchhoff("perfect", [500], window_um=4, **bad))
+    with pytest.raises(InputError, match="Al2O3.*films.*profile"):
+        coated = film("Al2O3", 4.0, on="Al")
+        gonio.measure(gentle, IteratedKirchhoff(coated, [500], window_um=4))
     with pytest.raises(InputError, match="divergence"), warnings.catch_warnings():
         warnings.simplefilter("ignore", VgonioWarning)
         vg.measure.Gonioreflectometer([0], [0], divergence_deg=2).measure(gentle, IteratedKirchhoff("perfect", [500]))

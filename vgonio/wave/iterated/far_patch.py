@@ -16,7 +16,7 @@ from ..quadrature import Complex, Floats
 from .patch import Patch, all_orders
 from .profile import Orders
 
-BLOCK = 48  # directions whose phases are held together
+BLOCK, BYTES = 96, 2.5e8  # directions whose phases are held together, at most, and their bytes
 PER_SPECKLE = 5.0  # direction cosines of the energies are λ/(5ℓ) apart: alias of the window's correlation exp(−25/4)
 
 
@@ -24,22 +24,19 @@ def far_sums(
     patch: Patch, fields: list[Floats], wo: Floats, k: float, progress: Callable[[float], None] | None = None
 ) -> Complex:
     """(orders, 12, m) sums of N × E and N × H over the points that see each of wo (m, 3); 12 = 2 incident × 6."""
-    ny, nx = patch.grid.shape
-    flat = np.stack([(f[:, 0::2] + 1j * f[:, 1::2]).reshape(12, ny * nx) for f in fields])
-    flat = (flat * patch.grid.pitch**2).reshape(-1, ny * nx).T.astype(np.complex64)
-    x, y = patch.x - patch.x.mean(), patch.y - patch.y.mean()
-    out = np.empty((len(wo), flat.shape[1]), np.complex128)
-    for a in range(0, len(wo), BLOCK):
-        w = wo[a : a + BLOCK]
-        wave = np.empty((len(w), ny, nx), np.complex64)
-        for n, one in enumerate(w):
-            turns = (k / (2 * np.pi)) * (x * one[0] + (y * one[1])[:, None] + patch.grid.z * one[2])
-            phase = ((turns - np.rint(turns)) * (-2 * np.pi)).astype(np.float32)
-            seen = patch.seen(one)
-            wave[n].real, wave[n].imag = np.cos(phase) * seen, np.sin(phase) * seen
-        out[a : a + BLOCK] = wave.reshape(len(w), -1) @ flat
+    waves, sheet, share = patch.far(wo)
+    flat = np.concatenate([waves.padded(f).reshape(24, -1) for f in fields]) * np.float32(patch.grid.pitch**2)
+    n = flat.shape[1]
+    out = np.empty((len(wo), len(flat) // 2), np.complex128)
+    block = int(np.clip(BYTES / (8 * n), 1, BLOCK))
+    for a in range(0, len(wo), block):
+        part = slice(a, a + block)
+        both = waves(wo[part], k, sheet[part], share[part]).reshape(-1, n) @ flat.T  # cosines, then sines
+        c, s = np.split(both, 2)
+        out[part].real = c[:, 0::2] + s[:, 1::2]
+        out[part].imag = c[:, 1::2] - s[:, 0::2]
         if progress:
-            progress(min(1.0, (a + BLOCK) / len(wo)))
+            progress(min(1.0, (a + block) / len(wo)))
     # phases counted from the middle of the patch: what that leaves out has magnitude one and is the same for all orders
     return np.moveaxis(out.reshape(len(wo), len(fields), 12), 0, -1)
 
@@ -77,9 +74,10 @@ def brdf_of(sums: Complex, job: Job, model: VectorKirchhoff, area: float) -> Flo
 def patch_orders(
     surface: Heightfield, window: Window, incoming: Incoming, detector: Detector, material: Material,
     wavelength_nm: float, spacing: float, bounces: int, tol: float, seed: int,
-    progress: Callable[[float], None] | None = None, energies: bool = True,
+    progress: Callable[[float], None] | None = None, energies: bool = True, blocks: bool = False,
 ) -> tuple[Orders, Patch]:  # fmt: skip
-    """All orders of one window and wavelength, and the patch they were found on. Without `energies`, those are 0."""
+    """All orders of one window and wavelength, and the patch they were found on. Without `energies`, those are 0; with
+    `blocks`, points far from each other are taken together."""
     phi = float(np.deg2rad(incoming.phi_deg))
     patch = Patch.of(surface, window, spacing, phi)
     k = 2 * np.pi / (wavelength_nm * 1e-3)
@@ -87,7 +85,7 @@ def patch_orders(
     model = VectorKirchhoff(material, incoming.polarisation, incoming.phi_deg)
     angles = len(incoming.theta_deg)
     found = np.zeros((bounces + 1, 17, angles, len(detector)))
-    energy, used = np.zeros((bounces + 1, angles)), 0
+    energy, used, worst = np.zeros((bounces + 1, angles)), 0, 0.0
     sphere, cell = hemisphere(wavelength_nm * 1e-3, window.length)
     for i, wi in enumerate(incoming.vectors):
 
@@ -95,9 +93,10 @@ def patch_orders(
             if progress:
                 progress((i + start + share) / angles)
 
-        orders = all_orders(
-            patch, wi, k, material, wavelength_nm, incoming.phi_deg, bounces, tol, lambda f: part(f / 2)
+        orders, error = all_orders(
+            patch, wi, k, material, wavelength_nm, incoming.phi_deg, bounces, tol, blocks, lambda f: part(f / 2)
         )
+        worst = max(worst, error)
         one = job.some(np.flatnonzero(job.source == i))
         values = brdf_of(far_sums(patch, orders, one.wo, k), one, model, patch.area)
         n = len(orders)
@@ -111,4 +110,4 @@ def patch_orders(
             powers = brdf_of(sums, whole, model, patch.area)[:, 0, 0, 0, 0]
             energy[:n, i], energy[-1, i] = powers[:n], powers[n]
     caught = np.array([patch.caught(wi) for wi in incoming.vectors])
-    return Orders(found[:, 0], energy, used, found[-1, 1:], caught), patch
+    return Orders(found[:, 0], energy, used, found[-1, 1:], caught, pairs_error=worst), patch

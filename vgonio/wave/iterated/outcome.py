@@ -52,6 +52,7 @@ def stacked(spectrum: list[Orders]) -> Orders:
         np.stack([o.mueller for o in spectrum], axis=-1),
         np.stack([o.caught for o in spectrum], axis=-1),
         diffraction=Diffraction.worst(o.diffraction for o in spectrum),
+        pairs_error=max(o.pairs_error for o in spectrum),
     )
 
 

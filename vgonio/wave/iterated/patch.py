@@ -16,9 +16,12 @@ from ...surface.heightfield import Heightfield
 from ..coherence import Window
 from ..polarisation import _frame
 from ..quadrature import Complex, Floats
-from .pairs import AZIMUTHS, Grid, horizon_map, reflect_opencl, seen_from
+from .blocks import LEAST, levels
+from .far_waves import AZIMUTHS, Waves, horizon_map
+from .pair_reference import seen_from
+from .pairs import Grid, reflect_blocks, reflect_opencl
 
-MOST_POINTS = 1_000_000  # of one patch: 10¹² pairs
+MOST_POINTS = 1_100_000  # of one patch, 80 µm at λ/7: some minutes for each reflection, 3 GB
 FLAT = 1e9  # stands for a horizon that is not there
 CHECKED = (8, 400)  # points, and pairs of each, on which the rule of sight is compared with a march along the line
 
@@ -52,8 +55,9 @@ class Patch:
         count = int(np.ceil(side / spacing * (1 - 1e-9)))
         if count**2 > MOST_POINTS:
             raise ToleranceError(
-                f"a patch of {side:g} µm needs {count**2:.2g} points, at most {MOST_POINTS:.0e} (all pairs of them are "
-                "looked at): take a smaller window_um or fewer points_per_wavelength"
+                f"a patch of {side:g} µm needs {count**2:.2g} points, at most {MOST_POINTS:.2g} (some minutes, 3 GB; "
+                f"time grows as their square): take window_um ≤ {spacing * MOST_POINTS**0.5:.3g}, or fewer "
+                "points_per_wavelength"
             )
         pitch, margin = side / count, count // 2
         (cy, cx), ip = window.centre, surface.interpolant
@@ -102,6 +106,17 @@ class Patch:
         if 1e-6 < f < 1 - 1e-6:
             horizon = (1 - f) * horizon + f * self.horizon((i + 1) % AZIMUTHS)
         return facing & (w[2] >= horizon * across)
+
+    def far(self, w: Floats) -> tuple[Waves, NDArray[np.int32], Floats]:
+        """What gives the waves towards w (m, 3); (m, 2) its horizons below and above their azimuths, (m,) shares of the
+        latter."""
+        turn = (np.arctan2(w[:, 1], w[:, 0]) - self.azimuth[0]) / (2 * np.pi) % 1.0 * AZIMUTHS
+        below = np.floor(turn + 1e-6)
+        share = np.where(turn - below > 1e-6, turn - below, 0.0)
+        sheet = np.stack([below, below + (share > 0)], axis=1).astype(np.int32) % AZIMUTHS
+        needed, local = np.unique(sheet, return_inverse=True)
+        waves = Waves(self.grid, np.stack([self.horizon(int(i)) for i in needed]))
+        return waves, local.reshape(sheet.shape).astype(np.int32), share
 
     @cached_property
     def sight_error(self) -> float:
@@ -171,20 +186,35 @@ def as_reals(fields: Complex) -> Floats:
 
 def all_orders(
     patch: Patch, wi: Floats, k: float, material: Material, wavelength_nm: float, phi_deg: float, bounces: int,
-    tol: float, progress: Callable[[float], None] | None = None,
-) -> list[Floats]:  # fmt: skip
+    tol: float, blocks: bool = False, progress: Callable[[float], None] | None = None,
+) -> tuple[list[Floats], float]:  # fmt: skip
     """Fields (2, 12, n, n) of each reflection of light from wi, up to `bounces` or until the mean square of the next is
-    no more than `tol` of the first."""
-    found = [first_fields(patch, wi, k, material, wavelength_nm, phi_deg)]
+    no more than `tol` of the first; and the largest error of one by taking `blocks` together, 0 by all pairs."""
+    found, worst = [first_fields(patch, wi, k, material, wavelength_nm, phi_deg)], 0.0
     if not patch.again(wi[None])[0]:
-        return found
+        return found, worst
     index = None if material.perfect else complex(material.index(wavelength_nm))
     first = float(np.sum(found[0] ** 2))
     while len(found) < bounces:
         done = len(found) - 1
         step = (lambda f, done=done: progress((done + f) / (bounces - 1))) if progress else None  # type: ignore[misc]
-        more = reflect_opencl(patch.grid, found[-1], k, index, step) / patch.grid.normal[2]
+        more, error = _next(patch.grid, found[-1], k, index, max(tol, LEAST) if blocks else None, step)
+        more = more / patch.grid.normal[2]
         if np.sum(more**2) <= tol * first:
             break
         found.append(more)
-    return found
+        worst = max(worst, error)
+    return found, worst
+
+
+def _next(
+    grid: Grid, source: Floats, k: float, index: complex | None, error: float | None,
+    progress: Callable[[float], None] | None,
+) -> tuple[Floats, float]:  # fmt: skip
+    """One more reflection and its error: by blocks, more and more carefully until it is below `error`, or by all
+    pairs."""
+    for rules in levels(error, grid.pitch) if error is not None else []:
+        found, made = reflect_blocks(grid, source, k, index, rules, progress)
+        if made <= error:  # type: ignore[operator]
+            return found, made
+    return reflect_opencl(grid, source, k, index, progress), 0.0

@@ -117,6 +117,7 @@ class Orders:
     caught : (t,) power that the lit points receive, over that of the same window on a flat surface
     sight_error : of a patch, share of pairs that face each other whose sight is judged otherwise by a march along the
         line between them; 0 on profiles, whose sight is exact between the points
+    pairs_error : of a patch, largest error of the fields of a reflection by taking blocks of points together
     """
 
     brdf: Floats
@@ -126,6 +127,7 @@ class Orders:
     caught: Floats
     sight_error: float = 0.0
     diffraction: Diffraction = Diffraction()
+    pairs_error: float = 0.0
 
 
 def fields(stretch: Stretch, light: Light, bounces: int, tol: float, shadowing: bool) -> tuple[Complex, Complex]:

@@ -21,6 +21,7 @@ from .. import opencl
 from ..coherence import Window
 from ..quadrature import Floats
 from .beam import BEAMS, Beam
+from .choice import choose
 from .diffraction import Diffraction
 from .far_field import directions
 from .far_patch import patch_orders
@@ -34,6 +35,7 @@ from .second_hits import second_hits
 COARSER = 1.5  # spacing of points in the check of their number, relative to that used
 Progress = Callable[[float], None]
 MOST_BOUNCES = 50
+METHODS = ("auto", "pairs", "blocks")
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,9 @@ class IteratedKirchhoff:
     points_per_wavelength : along a profile, along x and y of a patch; None takes 10 and 7
     polarised : `mueller` and its standard error beside brdf
     energy : the energies, which of patches cost some thousand directions over the hemisphere; False leaves them out
+    method : on patches, "pairs" sums all pairs of points that see each other, "blocks" takes points together that are
+        seen as a whole from far away, with an error of the fields (pairs_error) below tol, at least 1e-3; "auto" takes
+        blocks on large patches where most of what is seen is seen as a whole
 
     The incident power is what the lit points of the windows receive, so that the energy balance of a few windows holds.
     Profiles (all rows equal) are two-dimensional problems, with TE for s and TM for p; patches carry vector fields and
@@ -85,6 +90,7 @@ class IteratedKirchhoff:
     points_per_wavelength: float | None = None
     polarised: bool = False
     energy: bool = True
+    method: str = "auto"
     seed: int = 0
     progress: Callable[[float], None] | None = field(default=None, compare=False, repr=False)
 
@@ -97,6 +103,8 @@ class IteratedKirchhoff:
             raise InputError("sweeps = 1: 0 for none or at least 2 are needed, the second tells whether they settle")
         if self.beam not in BEAMS:
             raise InputError(f"beam {self.beam!r}: {nearest(str(self.beam), BEAMS)}")
+        if self.method not in METHODS:
+            raise InputError(f"method {self.method!r}: {nearest(str(self.method), METHODS)}")
         if self.window_um is not None:
             _positive("window_um", self.window_um, "µm")
         if self.windows is not None:
@@ -191,8 +199,12 @@ class IteratedKirchhoff:
         if not self.shadowing:
             raise InputError("shadowing = False is for profiles: Kirchhoff(polarised=True) is that on a surface")
         if getattr(self.material, "layers", ()):
-            raise InputError("patches take a half-space with one refractive index, not films: profiles take both")
+            raise InputError(
+                f"material {self.material.name!r}: patches take a half-space with one refractive index, no films: take "  # type: ignore[union-attr]
+                "the bare material, or a profile (all rows equal), or Kirchhoff"
+            )
         per = self.per(surface)
+        blocks = choose(self, surface, places).blocks
 
         def one(window: Window, wavelength: float, fineness: float, report: Progress) -> Orders:
             used = fineness == per
@@ -200,6 +212,7 @@ class IteratedKirchhoff:
             made, patch = patch_orders(
                 surface, window, light, detector, self.material, wavelength,  # type: ignore[arg-type]
                 wavelength * 1e-3 / fineness, self.bounces, self.tol, self.seed, report, energies=self.energy and used,
+                blocks=blocks and used,
             )  # fmt: skip
             made = replace(made, brdf=_last_twice(made.brdf), energy=_last_twice(made.energy))
             return replace(made, sight_error=patch.sight_error) if not used and made.used > 1 else made
@@ -284,6 +297,7 @@ class IteratedKirchhoff:
             "window_um": places.window_um,
             "coherence_um": places.length_um,
             "sight_error": found[0].sight_error,
+            "pairs_error": max(o.pairs_error for o in found),
             **self._diffraction(found),
             "windows": places.independent,
             "windows_tiled": places.tiled,
@@ -291,7 +305,7 @@ class IteratedKirchhoff:
             "stderr_estimate": f"spread over {places.independent:.1f} effective independent windows"
             if len(places.windows) > 1 else "not known: one window",
             "surface": surface.name,
-            "backend": "numpy" if surface.is_profile else "OpenCL pairs",
+            "backend": "numpy" if surface.is_profile else f"OpenCL, {choose(self, surface, places).name}",
             "device": "CPU" if surface.is_profile else opencl.device().name,
             "seed": self.seed,
             "versions": versions(),
