@@ -5,18 +5,21 @@ dims (theta_i, theta_o, wavelength), on a hemisphere (theta_i, cell, wavelength)
 
 from __future__ import annotations
 
+import functools
 import json
 import platform
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
 from .directions import Detector
-from .errors import FileFormatError
+from .errors import FileFormatError, InputError
 
+P = ParamSpec("P")
+R = TypeVar("R")
 # name: (units, long_name)
 COORDINATES = {
     "theta_i": ("degree", "angle of incidence, signed in the plane of incidence"),
@@ -164,6 +167,31 @@ def versions() -> str:
         except PackageNotFoundError:
             continue
     return json.dumps(found)
+
+
+def takes_nodes(function: Callable[P, R]) -> Callable[P, R]:
+    """`function` of datasets, which then takes groups of a result (DataTree nodes) as well, also in a dictionary."""
+
+    @functools.wraps(function)
+    def taking(*arguments: P.args, **keywords: P.kwargs) -> R:
+        given: Any = [_dataset_of(a) for a in arguments]
+        named: Any = {k: _dataset_of(v) for k, v in keywords.items()}
+        return function(*given, **named)
+
+    return taking
+
+
+def _dataset_of(value: Any) -> Any:
+    if isinstance(value, Mapping) and not isinstance(value, (xr.Dataset, xr.DataTree)):
+        return {k: _dataset_of(v) for k, v in value.items()}
+    if isinstance(value, xr.DataArray) and value.name == "brdf":
+        raise InputError("this is the variable 'brdf' alone: give the dataset that it belongs to")
+    if not isinstance(value, xr.DataTree):
+        return value
+    groups = [k for k, node in value.children.items() if "brdf" in node.data_vars]
+    if "brdf" not in value.data_vars and groups:
+        raise InputError(f"a whole result has several BRDFs: give one of its groups, as in result[{groups[0]!r}]")
+    return value.to_dataset()
 
 
 def check(data: xr.Dataset, what: str = "result") -> xr.Dataset:

@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..dataset import check
+from ..dataset import check, takes_nodes
 from ..errors import InputError, VgonioWarning, nearest
 from ..units import radians
 from .metrics import align, interpolate_wavelength, labelled
@@ -129,6 +129,7 @@ def _xyz(f: xr.DataArray) -> xr.DataArray:
     return values.assign_coords(xyz=["X", "Y", "Z"]).assign_attrs(weight_beyond_ends=float(outside.max()))
 
 
+@takes_nodes
 def xyz(data: xr.Dataset) -> xr.DataArray:
     """Tristimulus values of f(λ) cos θ_i under D65, dims (theta_i, theta_o or cell, xyz); f cos θ_i = 1 is Y = 1.
 
@@ -141,6 +142,7 @@ def xyz(data: xr.Dataset) -> xr.DataArray:
     return labelled(result, "xyz", "1", "CIE 1931 XYZ of BRDF times cos theta_i under D65", weight_beyond_ends=share)
 
 
+@takes_nodes
 def rgb_map(data: xr.Dataset, exposure: float | None = None, chromatic: bool = False) -> xr.DataArray:
     """sRGB in 0…1 of f(λ) cos θ_i under D65, dims (theta_i, theta_o or cell, rgb): the map of thesis figure 4.4.
 
@@ -214,6 +216,7 @@ def srgb(values: Floats) -> Floats:
     return np.asarray(_colour().models.eotf_inverse_sRGB(np.clip(linear_srgb(values), 0.0, 1.0)))
 
 
+@takes_nodes
 def delta_e_2000(
     reference: xr.Dataset, predicted: xr.Dataset, scale: str = "reference-Y50", wavelength_n: float = 600.0
 ) -> xr.DataArray:

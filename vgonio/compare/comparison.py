@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..dataset import ascending, check, label
+from ..dataset import ascending, check, label, takes_nodes
 from ..errors import InputError, VgonioError, nearest
 from ..materials import Material
 from ..models.clausen_2022 import WAVELENGTH_N_NM
@@ -29,6 +29,7 @@ _NAMES = {
 }
 
 
+@takes_nodes
 def compare(
     results: Mapping[str, xr.Dataset] | xr.DataTree,
     reference: str | None = None,

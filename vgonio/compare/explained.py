@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ..dataset import takes_nodes
 from ..errors import InputError, VgonioError
 from ..materials import Material
 from ..models.clausen_2022 import WAVELENGTH_N_NM
@@ -33,6 +34,7 @@ def kind_of(data: xr.Dataset) -> str:
     return "rays" if "brdf_by_bounce" in data or "rays" in method or "ray" in method else "other"
 
 
+@takes_nodes
 def explained_shares(
     measured: xr.Dataset,
     explanations: Mapping[str, xr.Dataset],

@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..dataset import ascending
+from ..dataset import ascending, takes_nodes
 from ..directions import unit_vectors
 from ..errors import InputError
 from ..models import Geometry, brdf
@@ -165,6 +165,7 @@ def _in_receptor(luminance: Luminance, source: Floats, centre: float, width: lis
     return float(np.sum(luminance(geometry) * wo[2][above] * solid[above]))
 
 
+@takes_nodes
 def gloss(data: xr.Dataset, angle: float) -> Reading:
     """Specular gloss of ISO 2813 in gloss units at 20°, 60° or 85°, of in-plane data or of a fit (`fit_model`).
 
@@ -176,6 +177,7 @@ def gloss(data: xr.Dataset, angle: float) -> Reading:
     return _read(data, angle, [0.0], f"gloss at {angle:g}°")
 
 
+@takes_nodes
 def haze(data: xr.Dataset) -> Reading:
     """Reflection haze of ISO 13803 (20°, receptors at 18.1° and 21.9°, both together), not logarithmic."""
     return _read(data, 20.0, [-HAZE_OFFSET_DEG, HAZE_OFFSET_DEG], "haze")

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..dataset import check
+from ..dataset import check, takes_nodes
 from ..errors import InputError
 
 Floats = NDArray[np.float64]
@@ -78,6 +78,7 @@ def _common_wavelengths(a: Floats, b: Floats) -> Floats:
     return target
 
 
+@takes_nodes
 def align(a: xr.Dataset, b: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
     """Both results on their common angles and wavelengths, sorted: brdf and, where known, brdf_stderr.
 
@@ -133,6 +134,7 @@ def labelled(array: xr.DataArray, name: str, units: str, long_name: str, **attrs
     return array
 
 
+@takes_nodes
 def nse(reference: xr.Dataset, predicted: xr.Dataset) -> xr.DataArray:
     """Normalised spectral error (reference − predicted)/reference at every common angle and wavelength, without a unit.
 
@@ -162,6 +164,7 @@ def _mean_square(reference: xr.Dataset, predicted: xr.Dataset, over: str | Itera
     return square, r.where(both).mean(dims, skipna=True), int((~both).sum())
 
 
+@takes_nodes
 def rmse(reference: xr.Dataset, predicted: xr.Dataset, over: str | Iterable[str] | None = None) -> xr.DataArray:
     """Root mean square of the difference in sr⁻¹ over the dimensions `over` (None = all, then a scalar).
 
@@ -172,6 +175,7 @@ def rmse(reference: xr.Dataset, predicted: xr.Dataset, over: str | Iterable[str]
     return labelled(np.sqrt(square), "rmse", "sr-1", "root mean square error of the BRDF", values_left_out=left_out)
 
 
+@takes_nodes
 def nrmse(reference: xr.Dataset, predicted: xr.Dataset, over: str | Iterable[str] | None = None) -> xr.DataArray:
     """`rmse` over the mean of the reference's same values, without a unit; NaN where that mean is 0."""
     square, mean, left_out = _mean_square(reference, predicted, over)

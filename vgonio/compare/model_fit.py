@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..dataset import label, plain, versions
+from ..dataset import label, plain, takes_nodes, versions
 from ..errors import InputError, nearest
 from ..materials import Material
 from ..models import RANGES, Model, Range, find
@@ -31,6 +31,7 @@ UNITS = {
 }  # fmt: skip
 
 
+@takes_nodes
 def fit_model(
     data: xr.Dataset,
     model: str = "clausen-2022",

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..dataset import ascending, check
+from ..dataset import ascending, check, takes_nodes
 from ..directions import frames, unit_vectors
 from ..errors import InputError, VgonioError
 from ..models import Geometry, directional_albedo
@@ -27,6 +27,7 @@ _TEXTS = {
 }
 
 
+@takes_nodes
 def reflectance(data: xr.Dataset) -> xr.DataArray:
     """Directional-hemispherical reflectance ∫ f cos θ_o dω_o, dims (theta_i, wavelength), without a unit.
 
@@ -37,6 +38,7 @@ def reflectance(data: xr.Dataset) -> xr.DataArray:
     return labelled(_integral(data, None), "reflectance", "1", _TEXTS["reflectance"])
 
 
+@takes_nodes
 def total_integrated_scatter(data: xr.Dataset, specular_deg: float = SPECULAR_DEG) -> xr.DataArray:
     """Share of the reflected light further than specular_deg from the mirror direction, dims (theta_i, wavelength).
 

@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ..dataset import takes_nodes
 from ..errors import InputError
 from ..materials import Material
 from ..models.clausen_2022 import WAVELENGTH_N_NM, slope
@@ -41,6 +42,7 @@ _LABELS = {
 }
 
 
+@takes_nodes
 def fit_local_shift(
     data: xr.Dataset,
     material: str | Material | None = "Al",
@@ -125,6 +127,7 @@ def _choices(
     }
 
 
+@takes_nodes
 def fit_global_shift(
     data: xr.Dataset,
     material: str | Material | None = "Al",
