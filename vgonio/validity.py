@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from .wave.trust import Expectation
 
 STEEP_DEG = 30.0  # a facet steeper than this throws normally incident light onto a neighbour of the same slope
-STEEP_SHARE = 0.01
+STEEP_SHARE = 0.01  # of the facets: a choice, so that a few noisy points of a smooth surface raise no alarm
 SMITH_LIMIT = 1.6  # Walter et al. 2007: masking is negligible for 1/(α tan θ) ≥ 1.6
 CURVATURE_FACTOR = 10.0  # "much larger" of Beckmann and Spizzichino 1963: 4π r cos θ ≫ λ
-FEW_WINDOWS = 10
+FEW_WINDOWS = 10  # speckle of ten windows is a third of the BRDF
 NOTABLE = 0.05  # error beside rigorous gratings that is worth a warning
 
 
@@ -153,7 +153,7 @@ def _coherence(surface: Heightfield, coherence_um: float) -> list[str]:
     count = independent(tile(surface, coherence_um), surface)
     if count < FEW_WINDOWS and not (surface.periodic and surface.is_profile):
         return [
-            f"the coherence windows that fit on the sample overlap and are worth about {count:.0f} independent coherence "
-            "windows: expect speckle"
+            f"the coherence windows that fit on the sample overlap and are worth about {count:.0f} independent "
+            "coherence windows: expect speckle"
         ]
     return []

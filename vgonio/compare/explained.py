@@ -18,8 +18,7 @@ from .metrics import SAME_ANGLE_DEG, detector_dim
 from .shift import fit_global_shift, fit_local_shift
 
 Floats = NDArray[np.float64]
-SAMPLES = 400
-SIGNIFICANT = 3.0
+SAMPLES = 400  # bootstrap draws: their standard deviation is then known to 3.5 %
 
 
 def kind_of(data: xr.Dataset) -> str:

@@ -13,10 +13,10 @@ from .pairs import Problem
 from .search import Descent, Minimum, at_bounds
 from .significance import is_shift
 
-LARGEST_CONDITION = 1e8
-LEAST_INDEPENDENT = 1e-3
-LARGEST_CORRELATION = 0.98
-FEWEST_DECIDING = 3.0
+LARGEST_CONDITION = 1e8  # half the digits of a double are lost
+LEAST_INDEPENDENT = 1e-3  # share of a column that the linear coefficients cannot imitate
+LARGEST_CORRELATION = 0.98  # an error five times that of a parameter by itself
+FEWEST_DECIDING = 3.0  # effective observations: a spread of fewer says little
 # a second minimum whose cost lies within that many "units of noise" (cost per spectrum) of the best cannot be excluded
 SIGMA_SQUARED = 9.0
 

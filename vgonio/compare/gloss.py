@@ -26,13 +26,13 @@ from ..models.cook_torrance_1982 import fresnel_dielectric
 from .fit_files import fit_parameters
 
 Floats = NDArray[np.float64]
-GLASS = 1.567
-SOURCE_DEG = (0.75, 2.5)
+GLASS = 1.567  # index of the black glass that is 100 gloss units (ISO 2813:2014)
+SOURCE_DEG = (0.75, 2.5)  # image of the source, full angles, as the receptors' below
 # in the plane of measurement and across it, full angles (ISO 2813:2014, table 1)
 RECEPTORS_DEG = {20.0: (1.8, 3.6), 60.0: (4.4, 11.7), 85.0: (4.0, 6.0)}
 HAZE_OFFSET_DEG = 1.9  # ISO 13803: receptors of the 20° geometry at 18.1° and 21.9°
 NEAR_DEG = 0.5  # an angle of incidence this near the standard's is the same
-LARGEST_ERROR = 0.1
+LARGEST_ERROR = 0.1  # of the gloss, from steps of θ_o too coarse for the lobe: beyond it no figure is given
 RADII, TURNS = 28, 128
 Luminance = Callable[[Geometry], Floats]  # luminous mean of f in sr⁻¹ at pairs of directions
 

@@ -35,11 +35,10 @@ def from_unit(u: float, r: Range) -> float:
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where a descent ended: unit parameters (P,), their cost and how many evaluations it took."""
+    """Where a descent ended: unit parameters (P,), and their cost."""
 
     u: Floats
     cost: float
-    evaluations: int
 
 
 @dataclass
@@ -63,7 +62,7 @@ class Descent:
         import lmfit
 
         if not len(u):
-            return Minimum(u, self.solve(u).cost, 1)
+            return Minimum(u, self.solve(u).cost)
         parameters = lmfit.Parameters()
         for name, x in zip(self.ranges, u):
             parameters.add(name, float(np.clip(x, 1e-3, 1 - 1e-3)), min=0.0, max=1.0)
@@ -83,7 +82,7 @@ class Descent:
             ftol=tol * 1e-3,
         )
         best = np.array([found.params[k].value for k in self.ranges])
-        return Minimum(best, self.solve(best).cost, int(found.nfev))
+        return Minimum(best, self.solve(best).cost)
 
 
 def starts(descent: Descent, given: Mapping[str, float], count: int, seed: int) -> list[Floats]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 HEIGHT_OF = {"w": "h", "w1": "h1", "w2": "h2"}
 NO_SHIFT = "no significant shift"
-SIGMAS = 3.0
+SIGMAS = 3.0  # standard errors: by chance once in 370 times
 SMALLEST_NM = 1e-6  # nm⁻¹: 0.01 % per 100 nm, far below what any instrument or eye tells
 
 

@@ -23,7 +23,7 @@ GAMUT = ("clip", "desaturate")
 IN_GAMUT = 1e-6
 # primaries of one direction in XYZ: beyond the first the inverse makes noise large, beyond the second there is none
 LARGE_CONDITION, LARGEST_CONDITION = 50.0, 1e7
-FEW_LEVELS = 10
+FEW_LEVELS = 10  # below, what lies between the levels of a tone curve is a guess that is told
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from ..units import degrees, radians
 from .isotropic import isotropic
 
 Floats = NDArray[np.float64]
-REPEATABILITY_DEG = 0.01
+REPEATABILITY_DEG = 0.01  # of the stage's angles (thesis 2.2.1)
 
 
 @dataclass(frozen=True)

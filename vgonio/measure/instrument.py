@@ -22,8 +22,8 @@ from .isotropic import IsotropicBrdf, isotropic
 from .standards import DIMS
 
 Floats = NDArray[np.float64]
-RINGS = 3
-PER_RING = 8
+RINGS = 3  # of directions over the disc of source or detector,
+PER_RING = 8  # eight each: a midpoint rule
 # full width at half maximum of a Gaussian over its standard deviation
 FWHM = 2 * np.sqrt(2 * np.log(2))
 

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 MODEL_COLOURS = ("#d55e00", "#0072b2", *FURTHER_COLOURS)
 MOST_ANGLES = 4
-CORRELATED = (("rmse", 1e3, "RMSE (mW m⁻² …)"), ("nrmse", 100.0, "NRMSE (%)"))
 JUST_NOTICEABLE, PLAINLY_SEEN = 1.0, 2.0
 
 

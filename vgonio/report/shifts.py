@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from ..compare.significance import NO_SHIFT, is_shift
+from ..compare.significance import NO_SHIFT, SIGMAS, is_shift
 from ..errors import VgonioError
 from . import quantities as q
 from .content import Content
@@ -17,7 +17,6 @@ from .tables import Table, number, plus_minus
 
 NEAR = 15.0  # degrees: what counts as around the mirror direction or back-scattering
 FEWEST = 3  # directions that a mean is taken over
-SIGNIFICANT = 3.0  # standard errors
 NEGLIGIBLE = 1e-4  # nm⁻¹: 1 % per 100 nm is not seen as a colour
 SIDES = {"mirror": "around the mirror direction", "back": "around back-scattering"}
 
@@ -93,9 +92,9 @@ def in_words(mean: MeanShift | None) -> str:
     sign = "+" if mean.slope > 0 else ""
     value = f"{sign}{plus_minus(mean.slope * 1e4, mean.stderr * 1e4)} % per 100 nm"
     sigma = abs(mean.slope) / mean.stderr if mean.stderr > 0 else math.inf
-    if abs(mean.slope) + SIGNIFICANT * mean.stderr < NEGLIGIBLE:
+    if abs(mean.slope) + SIGMAS * mean.stderr < NEGLIGIBLE:
         return f"{value} (practically none)"
-    if sigma < SIGNIFICANT:
+    if sigma < SIGMAS:
         return f"{value} (not significant, {sigma:.1f} σ)"
     if abs(mean.slope) < NEGLIGIBLE:
         return f"{value} (hardly any, {sigma:.0f} σ)"

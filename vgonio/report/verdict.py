@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import xarray as xr
 
+from ..compare.significance import SIGMAS
 from . import quantities as q
 from .agreement import Agreement
 from .content import Content
-from .shifts import SIGNIFICANT, in_words, mean_shift, signed
+from .shifts import in_words, mean_shift, signed
 from .style import angle
 from .tables import first, number, percent
 
@@ -228,7 +229,7 @@ def shift(made: Verdict, results: Mapping[str, xr.Dataset], name: str, slopes: x
     if name == "waves" or (name == "measured" and "waves" not in results):
         value = " → ".join("?" if m is None else signed(m.slope) for m in (mirror, back)) + " %"
         note = "per 100 nm, from mirror direction to back-scattering"
-        if not any(m is not None and abs(m.slope) >= SIGNIFICANT * m.stderr for m in (mirror, back)):
+        if not any(m is not None and abs(m.slope) >= SIGMAS * m.stderr for m in (mirror, back)):
             value, note = "not significant", f"{value} {note}"
         made.cards.append(Card(f"Colour shift of {words}", value, note))
 

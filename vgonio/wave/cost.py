@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from .job import Job
     from .weighted import Shadows
 
-WARN_SECONDS = 600.0
+WARN_SECONDS = 600.0  # longer than one waits for
 MOST_SECONDS = 86_400.0  # a day
 # on two cores, measured within a factor 3 (benchmarks/waves.py); a guess is all that is wanted
 WINDOW_SECONDS = 2e-3  # of any transform, however small

@@ -20,7 +20,7 @@ from .quadrature import Complex, Floats, Points
 STRIP = 4_000_000  # points of one transform: more are cut into strips along y, since the sum is a sum over strips
 MEMORY = 1.5e9  # bytes that one transform's grid may take
 ROW_LIMIT = 64  # more rows than this are better served by the three-dimensional transform
-EPS_FLOOR = 1e-14
+EPS_FLOOR = 1e-14  # of double precision: a smaller one asked of finufft gets no better
 DIRECT = 20_000  # terms up to which the plain sum is quicker than a transform
 
 

@@ -22,7 +22,7 @@ FILE = Path(__file__).with_name("rigorous_gratings.csv")
 NEAR = 3  # gratings of the table that an expectation is made from
 SCALE_DEG = 25.0  # a difference of the angle of incidence that counts as much as a factor 2 in depth or period
 OUTSIDE = 1.25  # so much beyond the table's range of depth or period, as a factor, and there is no saying
-OUTSIDE_DEG = 5.0
+OUTSIDE_DEG = 5.0  # and so much beyond its angles
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...directions import unit_vectors
 from ...errors import FileFormatError
 from ...files import text_of
-from ...units import degrees, radians
+from ...units import radians
 from ..isotropic import IsotropicBrdf, sampled
 from .channels import nominal
 from .checks import Repairs, check_size
@@ -209,8 +209,3 @@ def _bracket(axis: Floats, x: Floats) -> tuple[NDArray[np.intp], Floats]:
         return np.zeros(x.size, np.intp), np.zeros(x.size)
     low = np.clip(np.searchsorted(axis, x, side="right") - 1, 0, axis.size - 2)
     return low, np.clip((x - axis[low]) / (axis[low + 1] - axis[low]), 0.0, 1.0)
-
-
-def in_degrees(values: Floats) -> list[str]:
-    """Decimal angles as the format has them."""
-    return [f"{v:.6g}" for v in degrees(values)]

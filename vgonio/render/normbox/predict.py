@@ -22,7 +22,6 @@ from .box import Box, Scene
 Floats = NDArray[np.float64]
 Progress = Callable[[float], None]
 DIRECT_DEPTH = 2  # one reflection: light, sample, instrument
-FINISHED = "*.npz"
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ import numpy as np
 from .periodic import NEAR_WOOD, Diffraction
 from .tapered import Fields
 
-ILL_CONDITIONED = 1e8
-RESIDUAL = 1e-8
+ILL_CONDITIONED = 1e8  # half the digits of a double are lost
+RESIDUAL = 1e-8  # relative, of a system that LU solves to 1e-13 where it is well conditioned
 CUT = 0.02  # amplitude of a beam at the end of its patch that is worth a word
-LEFT_OUT = 1e-3
-UNBALANCED = 1e-3
-LOST = 1e-2
+LEFT_OUT = 1e-3  # share of a beam's power that its spectrum of propagating waves lacks
+UNBALANCED = 1e-3  # of the incident power: reflected, absorbed and lost are computed apart
+LOST = 1e-2  # share of the power past the ends of a piece
 
 
 @dataclass(frozen=True)
