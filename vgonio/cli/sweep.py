@@ -12,7 +12,9 @@ from .common import Json, Quiet, Set, print_json, print_table, progress_bars, sa
 
 
 def sweep(
-    study: Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).", show_default=False)],
+    study: Annotated[
+        Path | None, typer.Argument(metavar="STUDY", help="Study file (TOML).", show_default=False)
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -33,6 +35,14 @@ def sweep(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Count what is done and what is left; compute nothing.")
     ] = False,
+    schema: Annotated[
+        bool,
+        typer.Option(
+            "--schema",
+            help="Only write the JSON schema of studies for editors, beside STUDY or here.",
+            show_default=False,
+        ),
+    ] = False,
     overrides: Set = None,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -44,6 +54,11 @@ def sweep(
 
     Example: vgonio sweep study.toml --workers 4
     """
+    if schema:
+        _write_schema(study.parent if study is not None else Path("."))
+        return
+    if study is None:
+        raise InputError("nothing to sweep: give STUDY, a TOML file that names a scene and what varies")
     from ..studies import Store, gather, load_study
     from ..studies import sweep as run
 
@@ -66,6 +81,19 @@ def sweep(
     if not dry_run and summary["counts"]["failed"] == summary["counts"]["points"]:
         raise InputError(f"no point could be computed: {'; '.join(summary['failures'])}")
     _warn(summary["failures"])
+
+
+def _write_schema(folder: Path) -> None:
+    import json
+
+    from ..files import written_whole
+    from ..planning import with_folder
+    from ..studies.schema import STUDY_SCHEMA_FILE, STUDY_SCHEMA_LINE, study_schema
+
+    path = with_folder(folder / STUDY_SCHEMA_FILE)
+    with written_whole(path) as stream:
+        stream.write((json.dumps(study_schema(), ensure_ascii=False, indent=1) + "\n").encode())
+    say(f"wrote {path}: the first line of a study has to be {STUDY_SCHEMA_LINE}")
 
 
 def _written(tree: Any, folder: Path) -> list[tuple[str, Path]]:
