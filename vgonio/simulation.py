@@ -35,18 +35,23 @@ def simulate(
     progress: Progress | None = None,
     output: str | os.PathLike[str] | None = None,
     report: str | os.PathLike[str] | None = None,
+    max_seconds: float | None = None,
+    tol: float | None = None,
 ) -> xr.DataTree:
     """Simulate a scene (TOML file, dictionary or Scene) and return its result.
 
     overrides : "table.key=value", as --set of the command line;  progress : called as progress(part, fraction)
     output, report : where to write, relative to the working directory, instead of the scene's own [output]
+    max_seconds, tol : the cheapest methods and efforts that meet them, instead of the scene's; without tol the most
+        accurate in that time. What was chosen is in the plan, and in the scene that the result holds
 
     The tree has the groups that were made: surface, rays, waves (waves_<theory> for further theories), measured,
     comparison; its attributes hold the scene, the plan with what was expected of each part, the provenance, and what
     each part took, `seconds` and `memory_bytes` (the largest of the process meanwhile), as JSON.
     When interrupted, the groups that are complete are kept in <output>.partial.nc and KeyboardInterrupt goes on.
 
-    Raises InputError, FileFormatError or MaterialError for bad input, before any work is done.
+    Raises InputError, FileFormatError or MaterialError for bad input, ToleranceError where no methods meet
+    `max_seconds` and `tol`, before any work is done.
     """
     checked = load_scene(scene, overrides)
     check_outputs(checked)
@@ -55,7 +60,7 @@ def simulate(
     run = _Run(progress)
     with run.part("surface"):
         inputs = assembly.gather(checked)
-    plan = plan_of(checked, inputs)
+    checked, plan = plan_of(checked, inputs, max_seconds, tol)
     tree = xr.DataTree()  # without a name: a title may hold what a name must not
     tree.attrs = {
         "title": checked.name,

@@ -4,7 +4,7 @@
 >>> table = run_cases(["sinusoid-nufft", "v-groove"])
 """
 
-from .calibration import Calibration, calibrate, calibration, calibration_path
+from .calibrating import Calibration, calibrate, calibration, calibration_path
 from .cases import CASES, Case, Outcome
 from .measuring import machine, run_cases, select
 from .speeds import Speeds

@@ -12,6 +12,13 @@ from ..errors import InputError
 from ..files import written_whole
 from .common import Json, Quiet, Set, Threads, print_json, print_table, progress_bars, say
 
+MaxSeconds = Annotated[
+    float | None, typer.Option("--max-seconds", metavar="S", help="Choose methods that take no longer, in all.")
+]
+Tol = Annotated[
+    float | None,
+    typer.Option("--tol", metavar="T", help="Choose methods with no larger error, of rays and waves, as 0.01."),
+]
 PIPED = 118  # characters of the plan where nobody reads it on a terminal
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).", show_default=False)]
 
@@ -31,6 +38,8 @@ def simulate(
         ),
     ] = None,
     overrides: Set = None,
+    max_seconds: MaxSeconds = None,
+    tol: Tol = None,
     as_json: Json = False,
     threads: Threads = None,
     quiet: Quiet = False,
@@ -38,6 +47,9 @@ def simulate(
     """Simulate a scene and write its result and page.
 
     Rays, waves, a measurement to compare with: what the scene asks for is done, and nothing else.
+
+    With --max-seconds or --tol the cheapest numbers of rays, methods and tolerances that meet both are taken, or
+    nothing is begun and one line says why; the theories asked for stay.
 
     Example: vgonio simulate scene.toml -o result.nc --report result.html --set geometric.rays=100000
     """
@@ -50,12 +62,14 @@ def simulate(
             f"{scene}: nowhere to write to: give -o RESULT.nc, --report PAGE.html or [output] in the scene"
         )
     with progress_bars() as progress:
-        tree = run(checked, progress=progress, output=output, report=report)
+        tree = run(checked, progress=progress, output=output, report=report, max_seconds=max_seconds, tol=tol)
     _warn([*json.loads(tree.attrs["plan"])["warnings"], *_missed(tree)])
     if as_json:
         print_json({"title": tree.attrs["title"], "parts": _parts(tree)})
     elif not quiet:
         _tell(tree)
+        for key, value in json.loads(tree.attrs["plan"]).get("chosen", {}).items():
+            print(f"chosen: {key} = {value}")
         for what, asked, named in (("result", output, checked.output.file), ("page", report, checked.output.report)):
             if asked is not None or named is not None:
                 print(f"{what}: {asked if asked is not None else checked.resolve(str(named))}")
@@ -103,7 +117,13 @@ def _warn(lines: list[str]) -> None:
 
 
 def plan(
-    scene: SceneFile, overrides: Set = None, as_json: Json = False, threads: Threads = None, quiet: Quiet = False
+    scene: SceneFile,
+    overrides: Set = None,
+    max_seconds: MaxSeconds = None,
+    tol: Tol = None,
+    as_json: Json = False,
+    threads: Threads = None,
+    quiet: Quiet = False,
 ) -> None:
     """Show what a scene will do, without doing it.
 
@@ -114,11 +134,14 @@ def plan(
     """
     from ..planning import plan as make_plan
 
-    made = make_plan(scene, overrides or ())
+    made = make_plan(scene, overrides or (), max_seconds, tol)
     if as_json:
         print_json(made.to_dict())
         return
     print_table(f"Plan of {made.title}", *made.table(), width=PIPED)
+    if made.alternatives:
+        print()
+        print_table("What was chosen, and what else would have cost", *made.choices(), width=PIPED)
     print(f"times: {made.machine}")
     _warn(list(made.warnings))
 

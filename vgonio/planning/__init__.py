@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from .. import assembly
-from ..accuracy.calibration import calibration
+from ..accuracy.calibrating import calibration
 from ..scene import Scene, load_scene
 from . import stages
 from .cautions import warnings_of
@@ -33,19 +33,36 @@ __all__ = [
 ]
 
 
-def plan(scene: str | os.PathLike[str] | Mapping[str, Any] | Scene, overrides: Iterable[str] = ()) -> Plan:
-    """The plan of a scene: what is done, left out and why, rough costs, warnings. Nothing is simulated.
+def plan(
+    scene: str | os.PathLike[str] | Mapping[str, Any] | Scene,
+    overrides: Iterable[str] = (),
+    max_seconds: float | None = None,
+    tol: float | None = None,
+) -> Plan:
+    """The plan of a scene: what is done, left out and why, seconds, memory and error, warnings. Nothing is simulated,
+    but that a first look at some rays is taken where a tolerance decides about their number.
 
-    Raises what `simulate` would raise for bad input: InputError, FileFormatError, MaterialError.
+    max_seconds, tol : choose methods and efforts that meet them, see `planning.choice`; the scene's own are replaced
+
+    Raises what `simulate` would raise: InputError, FileFormatError and MaterialError for bad input, ToleranceError
+    where no methods meet `max_seconds` and `tol`.
     """
     checked = load_scene(scene, overrides)
     check_outputs(checked)
-    return plan_of(checked, assembly.gather(checked))
+    return plan_of(checked, assembly.gather(checked), max_seconds, tol)[1]
 
 
-def plan_of(scene: Scene, inputs: assembly.Inputs) -> Plan:
-    """The plan of a checked scene whose inputs were read already."""
+def plan_of(
+    scene: Scene, inputs: assembly.Inputs, max_seconds: float | None = None, tol: float | None = None
+) -> tuple[Scene, Plan]:
+    """A checked scene whose inputs were read already, with what was chosen for time and tolerance, and its plan."""
     on = calibration()
+    chosen = None
+    if max_seconds is not None or tol is not None:
+        from .choice import choose
+
+        chosen = choose(scene, inputs.surface, inputs.source, on, max_seconds, tol)
+        scene = chosen.scene
     expected = forecasts(scene, inputs.source, inputs.surface, on)
     found = [
         *stages.start_stages(),
@@ -55,5 +72,12 @@ def plan_of(scene: Scene, inputs: assembly.Inputs) -> Plan:
         *stages.verdict_stages(scene),
         *stages.output_stages(scene),
     ]
-    made = stages.with_forecasts(found, expected)
-    return Plan(scene.name, tuple(made), tuple(warnings_of(scene, inputs, expected)), str(on))
+    made = Plan(
+        scene.name,
+        tuple(stages.with_forecasts(found, expected)),
+        tuple(warnings_of(scene, inputs, expected)),
+        str(on),
+        chosen.settings if chosen else {},
+        chosen.alternatives if chosen else (),
+    )
+    return scene, made

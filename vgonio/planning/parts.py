@@ -7,27 +7,31 @@ from collections.abc import Iterator
 import numpy as np
 
 from .. import assembly
-from ..accuracy.calibration import Calibration
+from ..accuracy.calibrating import Calibration
 from ..accuracy.speeds import Speeds
 from ..scene import Scene
 from ..surface import Heightfield
 from .forecast import MB, Forecast
-from .sizes import detector_elements, result_groups
+from .sizes import FEWEST_FOR_SHIFT, detector_elements, result_groups
 
 # in units of the time that a point of a surface takes for its first phase (`Speeds.phase`), measured beside it
 READ, LEVEL, SUMMARY, SAMPLE_BYTES = 0.4, 4.0, 4.0, 60.0
 # of the time that the part takes in the smallest scene
+UNFITTED = 0.85  # less, where nothing is fitted
 PAIR, FIGURE, MOST_FIGURES, RESULT = 0.15, 0.16, 13, 0.2
 FORMATS = (0.6, 20 * MB)  # loading SurfaceTopography, in units of the fixed time of saving, and its size
 CELL_BYTES = 100.0  # of a BRDF, its error and what else stands beside it, when it is saved
 KEPT, MOST_KEPT = 0.5, 80 * MB  # of a part's memory, that Python does not hand back
-SPACING_ERROR = 0.02  # of the iterated theory's points, 0.2 to 2 %: shadows' edges fall between them
+SPACING_ERROR = {True: 0.01, False: 0.03}  # of points on profiles and patches: shadows' edges fall between them
 
 
 def forecasts(
-    scene: Scene, source: Heightfield | None, surface: Heightfield | None, on: Calibration
+    scene: Scene, source: Heightfield | None, surface: Heightfield | None, on: Calibration, solvers: bool = True
 ) -> dict[str, Forecast]:
-    """Part of the run → its forecast; `memory_bytes` is that of the whole process while the part runs."""
+    """Part of the run → its forecast; `memory_bytes` is that of the whole process while the part runs.
+
+    solvers : False leaves their own work out, but not their libraries
+    """
     speeds = on.speeds
     found = {"start": Forecast(0.0, 0.0)}
     if source is not None and surface is not None:
@@ -35,7 +39,11 @@ def forecasts(
         found["surface summary"] = Forecast(SUMMARY * surface.z.size * speeds.phase, SAMPLE_BYTES * surface.z.size)
     elif scene.measured is not None:
         found["surface"] = Forecast(0.0, 0.0)
-    known = {} if surface is None else {k: f for k, f in _solvers(scene, surface, on) if f is not None}
+    known = dict[str, Forecast]()
+    if surface is not None and solvers:
+        known = {k: f for k, f in _solvers(scene, surface, on) if f is not None}
+    elif surface is not None:
+        known = {name: Forecast(0.0, 0.0) for name in result_groups(scene) if name != "measured"}
     return _with_fixed(found | known | _verdict(scene, speeds), speeds)
 
 
@@ -44,7 +52,7 @@ def _solvers(scene: Scene, surface: Heightfield, on: Calibration) -> Iterator[tu
     if scene.geometric is not None:
         yield "rays", _rays(scene, surface, on)
     for name, theory in assembly.wave_groups(scene).items():
-        yield name, _waves(scene, surface, theory, on.speeds)
+        yield name, wave_part(scene, surface, theory, on.speeds)
 
 
 def _with_fixed(found: dict[str, Forecast], speeds: Speeds) -> dict[str, Forecast]:
@@ -85,7 +93,7 @@ def _rays(scene: Scene, surface: Heightfield, on: Calibration) -> Forecast | Non
     return ray_forecast(solver, surface, gonio.incoming, gonio.detector, on.speeds, on.threads)
 
 
-def _waves(scene: Scene, surface: Heightfield, theory: str, speeds: Speeds) -> Forecast | None:
+def wave_part(scene: Scene, surface: Heightfield, theory: str, speeds: Speeds) -> Forecast | None:
     from ..wave import FullWave, IteratedKirchhoff, Kirchhoff
 
     gonio, solver = assembly.gonioreflectometer(scene), assembly.waves(scene, theory)
@@ -104,7 +112,7 @@ def _waves(scene: Scene, surface: Heightfield, theory: str, speeds: Speeds) -> F
         pair = speeds.profile_pair if surface.is_profile else speeds.patch_pair
         seconds = n.pairs * pair + n.far * speeds.far_term
         memory = PROFILE_PAIR_BYTES * n.points**2 if surface.is_profile else PATCH_BYTES * n.points
-        return Forecast(seconds, memory, max(solver.tol, SPACING_ERROR), 1 / np.sqrt(n.independent))
+        return Forecast(seconds, memory, max(solver.tol, SPACING_ERROR[surface.is_profile]), 1 / np.sqrt(n.independent))
     if not isinstance(solver, Kirchhoff):
         return None
     from .wave_forecast import wave_forecast
@@ -125,7 +133,8 @@ def _verdict(scene: Scene, speeds: Speeds) -> dict[str, Forecast]:
     found = {}
     if results:
         of = speeds.fixed.get("comparison", (1.0, 0.0))[0]
-        found["comparison"] = Forecast(PAIR * of * max(results * (results - 1) / 2 - 1, 0), CELL_BYTES * cells)
+        more = PAIR * of * max(results * (results - 1) / 2 - 1, 0) - UNFITTED * of * (wavelengths < FEWEST_FOR_SHIFT)
+        found["comparison"] = Forecast(more, CELL_BYTES * cells)
     if scene.output.file:
         found["save"] = Forecast(2e-7 * cells, CELL_BYTES * cells)
     if scene.output.report:

@@ -62,6 +62,16 @@ class Plan:
         """The largest of the errors that the solvers will state."""
         return max((s.error for s in self.stages if s.error is not None), default=None)
 
+    def choices(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+        """Columns and cells of the settings that were chosen and those that were not."""
+        rows: list[tuple[str, ...]] = []
+        for a in self.alternatives:
+            settings = in_words({k.split(".")[1]: v for k, v in a["settings"].items()})
+            speckle = "" if a["speckle"] is None else percent(a["speckle"])
+            cells = (a["part"], settings, duration(a["seconds"]), percent(a["error"]), speckle)
+            rows.append(("yes" if a["chosen"] else "", *cells))
+        return ("chosen", "part", "settings", "time", "error", "speckle"), rows
+
     def parts(self) -> dict[str, dict[str, float | None]]:
         """Part of the run → seconds, memory_bytes and error that are expected of it."""
         return {
@@ -121,11 +131,12 @@ def figures(seconds: float | None, memory_bytes: float | None, error: float | No
     return (
         duration(seconds),
         "" if memory_bytes is None else _size(memory_bytes),
-        "" if error is None else _percent(error),
+        "" if error is None else percent(error),
     )
 
 
 def duration(seconds: float | None) -> str:
+    """Two digits in seconds, minutes or hours; empty for None."""
     if seconds is None:
         return ""
     if seconds < 120:
@@ -137,5 +148,11 @@ def _size(count: float) -> str:
     return f"{count / 1e6:.0f} MB" if count < 0.9995e9 else f"{count / 1e9:.1f} GB"
 
 
-def _percent(share: float) -> str:
+def in_words(settings: Mapping[str, Any]) -> str:
+    """ "key = value, …", large whole numbers in groups of three digits."""
+    return ", ".join(f"{k} = {v:,}" if isinstance(v, int) else f"{k} = {v}" for k, v in settings.items())
+
+
+def percent(share: float) -> str:
+    """Two digits and the sign."""
     return f"{100 * share:.2g} %" if share < 0.995 else "100 %"

@@ -7,6 +7,7 @@ for normally distributed slopes. The shares of the detector cones come from the 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from ..accuracy.speeds import Speeds
 from ..directions import Detector, Incoming
 from ..geometric import RayOptics
+from ..geometric.rays import MOST_RAYS
 from ..geometric.sampling import BATCH, MARGIN, MOST_FACETS, MOST_FACETS_OF_BIG_MESHES, PATHS_MEMORY, POINTS_BESIDE_RAYS
 from ..surface import Heightfield
 from ..surface.mesh import KEPT_FACETS, profile_once
@@ -25,15 +27,17 @@ SAMPLED = 40_000  # facets whose reflections are looked at
 FACET_BYTES = 230.0  # a facet and its share of vertices, planes, hierarchy and counts
 THREAD_BYTES = 32 * MB  # the rays of a batch
 AGAIN = 1.4  # reflections of light that is reflected more than once, beside its first
-WALLS = 0.3  # share of light that walls send back to the surface, where slopes say nothing
+MOST_WALLS = 0.9  # share of light that meets walls, where slopes say nothing, at most
 EACH_ANGLE = 0.07  # of what a facet costs in all, for every further angle of incidence
 FOLLOWED = 1.0  # rays that the look for starters of several reflections costs, to a facet
 STATISTICS = 50_000  # rays of the statistics at most
 TRIAL_RAYS = 40_000  # rays that find out whether a finite sample loses light through its sides
 LOOK = 4 * BATCH  # rays of a look at most
+ROOM = 2.0  # times the rays that a look found, as a cap
 LOOKS = 3  # angles of incidence that are looked at where a tolerance decides about the rays
 COUNTS = 1e-3  # of the largest value in the detector: what lies below does not count for the error
-LUCKY = 12.0  # times that points on starters find their way into the cones more often than rays
+LUCKY = 3.4  # over the share that is reflected again: how much oftener than rays points on starters find the cones
+PARTLY, PARTLY_WALLS = 0.05, 1.0  # variance of facets of which a part is in the shadow
 
 
 @dataclass(frozen=True)
@@ -50,14 +54,48 @@ def ray_forecast(
     solver: RayOptics, surface: Heightfield, incoming: Incoming, detector: Detector, speeds: Speeds, threads: int
 ) -> Forecast:
     """Of `solver.scatter(surface, incoming, detector)`."""
-    facets, mirrored = _facets(solver, surface, incoming)
-    angles = [_angle(surface, incoming, i, detector) for i in range(len(incoming.theta_deg))]
-    by_facets = _by_facets(solver, facets, incoming, detector)
     if solver.tol is None:
+        return _forecast(solver, surface, incoming, detector, speeds, threads, None)
+    looked = look(solver, surface, incoming, detector)
+    return _forecast(solver, surface, incoming, detector, speeds, threads, looked)
+
+
+def forecasts_of_tolerances(
+    solver: RayOptics, surface: Heightfield, incoming: Incoming, detector: Detector, speeds: Speeds, threads: int,
+    tolerances: Sequence[float],
+) -> list[tuple[RayOptics, Forecast]]:  # fmt: skip
+    """The solver for each of the tolerances, with the rays that it needs as its cap, and its forecast; one look."""
+    looked = look(replace(solver, tol=min(tolerances), rays=LOOK), surface, incoming, detector)
+    angles = [_angle(surface, incoming, i, detector) for i in range(len(incoming.theta_deg))]
+    found = []
+    for tol in tolerances:
+        free = replace(solver, tol=tol, rays=MOST_RAYS)
+        rays, _ = looked.needed(free, len(incoming.theta_deg))
+        wanted = replace(free, rays=_round(ROOM * max(rays)))
+        found.append((wanted, _forecast(wanted, surface, incoming, detector, speeds, threads, looked, angles)))
+    return found
+
+
+def _round(rays: float) -> int:
+    """Up to one digit."""
+    digit = 10 ** int(np.floor(np.log10(max(rays, 1.0))))
+    return int(min(np.ceil(rays / digit) * digit, MOST_RAYS))
+
+
+def _forecast(
+    solver: RayOptics, surface: Heightfield, incoming: Incoming, detector: Detector, speeds: Speeds, threads: int,
+    looked: Look | None, angles: list[Angle] | None = None,
+) -> Forecast:  # fmt: skip
+    facets, _ = _facets(solver, surface, incoming)
+    if angles is None:
+        angles = [_angle(surface, incoming, i, detector) for i in range(len(incoming.theta_deg))]
+    by_facets = _by_facets(solver, facets, incoming, detector)
+    if looked is None:
         rays = [float(solver.rays)] * len(angles)
-        error = max(_error(solver, a, n, detector, by_facets) for a, n in zip(angles, rays))
+        walls = surface.interpolation == "nearest"
+        error = max(_error(a, n, facets, detector, by_facets, walls) for a, n in zip(angles, rays))
     else:
-        rays, error = _looked(solver, surface, incoming, detector)
+        rays, error = looked.needed(solver, len(angles))
     seconds = facets * speeds.facet * (1 + EACH_ANGLE * (len(angles) - 1))
     if not surface.periodic:
         seconds += TRIAL_RAYS * (speeds.ray + speeds.hit)
@@ -69,27 +107,38 @@ def ray_forecast(
     return Forecast(float(seconds), float(memory), float(error))
 
 
-def _looked(
-    solver: RayOptics, surface: Heightfield, incoming: Incoming, detector: Detector
-) -> tuple[list[float], float]:
-    """Rays of every angle that the tolerance needs, and the error with them, from a first look at some angles.
+@dataclass(frozen=True)
+class Look:
+    """A first look at some angles of incidence, by index: rays that were taken, and the error with them."""
 
-    No figure of the surface tells the error of the faintest cone that counts: only rays do.
-    """
-    first = min(solver.rays, LOOK)
+    which: Floats
+    taken: Floats
+    errors: Floats
+
+    def needed(self, solver: RayOptics, angles: int) -> tuple[list[float], float]:
+        """Rays of every angle that the tolerance needs, and the error with them."""
+        tol = float(solver.tol or 1.0)
+        least = min(solver.rays, BATCH)
+        wanted = np.clip(MARGIN * self.taken * (self.errors / tol) ** 2, least, solver.rays)
+        # what met the tolerance needs no more; how much less it needs follows from the error
+        rays = np.where(self.errors <= tol, np.minimum(wanted, self.taken), wanted)
+        error = float(np.max(self.errors * np.sqrt(self.taken / rays)))
+        # between the angles that were looked at: a straight line of the logarithm
+        return np.exp(np.interp(np.arange(angles), self.which, np.log(rays))).tolist(), error
+
+
+def look(solver: RayOptics, surface: Heightfield, incoming: Incoming, detector: Detector) -> Look:
+    """No figure of the surface tells the error of the faintest cone that counts: only rays do."""
     which = np.unique(np.linspace(0, len(incoming.theta_deg) - 1, LOOKS).round().astype(np.int64))
-    short = replace(solver, rays=first, polarised=False, statistics=False, refinement_check=False, progress=None)
+    short = replace(
+        solver, rays=min(solver.rays, LOOK), polarised=False, statistics=False, refinement_check=False, progress=None
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         data = short.scatter(surface, replace(incoming, theta_deg=np.asarray(incoming.theta_deg)[which]), detector)
     counts = (data["brdf"] > 0) & (data["brdf"] >= COUNTS * data["brdf"].max(detector.dims))
-    errors = (data["brdf_stderr"] / data["brdf"]).where(counts).max([*detector.dims, "wavelength"]).fillna(1.0).values
-    tol = float(solver.tol or 1.0)
-    taken = data["rays"].values
-    rays = np.where(errors <= tol, taken, np.clip(MARGIN * taken * (errors / tol) ** 2, taken, solver.rays))
-    error = float(np.max(errors * np.sqrt(taken / rays)))
-    # between the angles that were looked at: a straight line of the logarithm
-    return np.exp(np.interp(np.arange(len(incoming.theta_deg)), which, np.log(rays))).tolist(), error
+    errors = (data["brdf_stderr"] / data["brdf"]).where(counts).max([*detector.dims, "wavelength"]).fillna(1.0)
+    return Look(which.astype(np.float64), data["rays"].values.astype(np.float64), np.atleast_1d(errors.values))
 
 
 def _facets(solver: RayOptics, surface: Heightfield, incoming: Incoming) -> tuple[float, bool]:
@@ -133,13 +182,19 @@ def _angle(surface: Heightfield, incoming: Incoming, i: int, detector: Detector)
     steepest = float(np.max(np.hypot(zx, zy)))
     across = np.hypot(away[:, 0], away[:, 1])
     stopped = (away[:, 2] <= steepest * across) & (weight > 0)
-    escapes = np.where(away[:, 2] <= 0, 0.0, _smith(away[:, 2] / np.maximum(across, 1e-12), alpha))
+    # lit facets lie high and see more of the sky: Smith's shares of both directions together (Heitz 2014)
+    lit = 1 / _smith(np.array(wi[2] / max(np.hypot(wi[0], wi[1]), 1e-12)), alpha)
+    seen = 1 / np.maximum(_smith(np.maximum(away[:, 2], 0) / np.maximum(across, 1e-12), alpha), 1e-9)
+    escapes = np.where(away[:, 2] <= 0, 0.0, lit / (lit + seen - 1))
     again = float(np.sum(weight * np.where(stopped, 1 - escapes, 0.0)))
     up = np.flatnonzero((away[:, 2] > 0) & (weight > 0))
     ray, element = detector.catch(away[up])
     caught = np.bincount(element, (weight * escapes)[up[ray]], len(detector)).astype(np.float64)
-    share = WALLS * float(np.ptp(surface.z) > 0) if walls else again
-    return Angle(share, 1.0 if walls and share else float(np.mean(stopped)), caught)
+    if not walls:
+        return Angle(again, float(np.mean(stopped)), caught)
+    # walls that light meets on its way down or up, to the area
+    along = np.abs(wi[:2] / wi[2]) @ [float(np.mean(np.abs(a))) for a in _slopes(surface)]
+    return Angle(float(min(along, MOST_WALLS)), float(along > 0), caught)
 
 
 def _smith(cotangent: Floats, alpha: float) -> Floats:
@@ -177,9 +232,11 @@ def _angle_seconds(
     return seconds
 
 
-def _error(solver: RayOptics, angle: Angle, rays: float, detector: Detector, by_facets: bool) -> float:
+def _error(angle: Angle, rays: float, facets: float, detector: Detector, by_facets: bool, walls: bool) -> float:
     """Largest relative standard error of the cones that count."""
     several = angle.again * detector.projected_solid_angle / np.pi
+    # so little light, from less than a facet, goes elsewhere or comes without an error
+    several = np.where(by_facets & (several * facets < 1), 0.0, several)
     single = angle.caught
     total = single + several
     counts = total >= COUNTS * total.max(initial=0.0)
@@ -187,9 +244,10 @@ def _error(solver: RayOptics, angle: Angle, rays: float, detector: Detector, by_
         return 1.0
     if not by_facets:
         return float(np.max(1 / np.sqrt(np.maximum(rays * total[counts], 1.0))))
-    of_rays = several[counts] / (LUCKY * rays)
-    # of facets seen in part alone: some of those whose light could be stopped
-    of_points = single[counts] ** 2 * 0.05 * angle.open * angle.again * np.count_nonzero(counts) * 4 / rays
+    of_rays = several[counts] * min(angle.again / LUCKY, 1.0) / rays
+    points = rays / POINTS_BESIDE_RAYS / np.count_nonzero(counts)
+    partly = PARTLY_WALLS if walls else PARTLY
+    of_points = single[counts] ** 2 * partly * angle.open * angle.again / points
     return float(np.max(np.sqrt(of_rays + of_points) / total[counts]))
 
 

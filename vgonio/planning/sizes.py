@@ -8,6 +8,8 @@ from .. import assembly
 from ..scene import Scene
 from ..surface import Heightfield
 
+FEWEST_FOR_SHIFT = 3  # wavelengths: a line through two points fits whatever they are
+
 
 def result_groups(scene: Scene) -> list[str]:
     """Names of the groups that hold a BRDF, in order: rays, waves …, measured."""

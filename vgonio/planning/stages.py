@@ -12,11 +12,10 @@ from ..surface import Heightfield
 from ..validity import expectations
 from .forecast import Forecast
 from .plans import Stage
-from .sizes import detector_elements, refinement, result_groups
+from .sizes import FEWEST_FOR_SHIFT, detector_elements, refinement, result_groups
 
 # endings that vgonio reads by itself; everything else goes through SurfaceTopography
 OWN_FORMATS = (".npz", ".vgms", ".txt", ".asc", ".csv")
-FEWEST_FOR_SHIFT = 3  # wavelengths: a line through two points fits whatever they are
 
 
 def with_forecasts(stages: list[Stage], found: Mapping[str, Forecast]) -> list[Stage]:

@@ -27,7 +27,7 @@ from .forecast import Forecast
 
 Floats = NDArray[np.float64]
 STEP = 1.14  # points are that much closer in the end: one step of 1.3 in half of the cases
-ROUNDS = 1.5  # trials of the spacing
+ROUNDS, FURTHER = 1.5, 1.5  # trials of the spacing; more of them where transforms have to be tighter as well
 ANGLES, WAVELENGTHS = 3, 6  # of which the scattering vectors are counted; the others are like them
 CHECKED = 512  # scattering vectors of a trial at most
 SHADOW_TRIALS = 5.0  # windows that are summed to find how sharp shadows have to be
@@ -128,7 +128,8 @@ def _counts(
     if surface.is_profile:
         points[0] = 1.0
     checked = job.q[job.checked()]
-    rows, one = _levels(job.q), _levels(job.q[job.wavelength == job.wavelength.max()])
+    rows = _levels(job.q)
+    one = max(_levels(job.q[job.wavelength == w]) for w in np.unique(job.wavelength))
     # rows that no two wavelengths share are as many times more as there are wavelengths
     alone = rows > 1.5 * one
     room = min(float(np.median(job.room)), len(job.q) / np.prod(job.shape))
@@ -173,7 +174,8 @@ def _sums(
         one = n.size * n.vectors * term * parts
     elif in_plane:
         rows = n.rows if transforms == 1 else n.rows_each * transforms
-        one = rows * (n.size * speeds.spread + speeds.row) + n.vectors * parts * speeds.spread
+        spread = speeds.spread * _width(solver.tol)
+        one = rows * (n.size * spread + speeds.row) + n.vectors * parts * spread
         if solver.shadowing:
             one += KINDS * len(incoming.theta_deg) * len(detector) * speeds.row * n.rows
     else:
@@ -192,6 +194,12 @@ def _transforms(solver: Kirchhoff, incoming: Incoming, angles: int) -> tuple[int
         parts = 2 if incoming.polarisation == "unpolarised" else 1
         return parts, parts * angles * len(solver.wavelength_nm)  # type: ignore[arg-type]
     return 1, 1
+
+
+def _width(tol: float) -> float:
+    """Time of a point of a transform of that tolerance over that of the trial's, as the square of the kernel's width
+    (FINUFFT's, at an oversampling of 1.25)."""
+    return float(((-np.log(tol / 30) / 1.405 + 1) / 7.56) ** 2)
 
 
 def _shared(surface: Heightfield, n: Counts, tol: float, speeds: Speeds) -> tuple[float, float]:
@@ -243,7 +251,8 @@ def _trials(
     vectors, rows = n.checked
     size = n.size / (effort.SHARPER * SHARPENED) ** 2 if solver.shadowing else n.size
     size *= min(1.0, 1e8 / size)
-    coarse = rows * transforms * (size * speeds.spread + speeds.row)
+    spread = speeds.spread * _width(solver.tol)
+    coarse = rows * transforms * (size * spread + speeds.row)
     if not in_plane:
         coarse = transforms * _space(n.q, surface, n.points, vectors, solver.tol, speeds)
     fine, direct = 2.25 * size, solver.tol >= 5 * fourier.OPENCL_TOL
@@ -254,9 +263,9 @@ def _trials(
     else:
         check = 2.25 * coarse
     heights = (size + fine) * (speeds.height + speeds.phase) * (3 if transforms > 1 else 1)
-    total = ROUNDS * (coarse + check + heights)
+    total = (ROUNDS + FURTHER * (solver.tol < 1e-4)) * (coarse + check + heights)
     if solver.shadowing:
-        total += SHADOW_TRIALS * transforms * effort.EDGES_CHECKED / max(vectors, 1) * rows * n.size * speeds.spread
+        total += SHADOW_TRIALS * transforms * effort.EDGES_CHECKED / max(vectors, 1) * rows * n.size * spread
         total += SHADOW_TRIALS * effort.EDGES_CHECKED * n.size * speeds.shadow
     return float(total)
 

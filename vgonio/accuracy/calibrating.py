@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields
 from datetime import UTC, datetime
@@ -61,13 +60,13 @@ def calibration_path() -> Path | None:
 
 def calibrate(
     save: bool = True,
-    clock: Callable[[], float] = time.perf_counter,
+    processor_time: bool = False,
     progress: Callable[[str, float], None] | None = None,
 ) -> Calibration:
     """Measure this machine with as many threads as a run takes (`threads_used`), about 15 s, and keep the result.
 
     save : write `calibration_path()`, beside the entries of other numbers of threads
-    clock : time.perf_counter, or time.process_time for one thread on a machine that others use as well
+    processor_time : seconds of the processor instead of the clock, of all threads together
     progress : called as progress("calibration", fraction)
 
     Raises InputError where there is nowhere to write to, FileFormatError where that cannot be written.
@@ -76,7 +75,7 @@ def calibrate(
 
     path = _writable() if save else None
     threads, found = threads_used(), dict[str, Any]()
-    for n, some in enumerate(measured(clock, threads)):
+    for n, some in enumerate(measured(processor_time, threads)):
         found |= some
         if progress:
             progress("calibration", (n + 1) / TRIALS)

@@ -1,0 +1,292 @@
+"""Methods and efforts of a scene for a time and an error: the cheapest that meet both, or the reason why none does.
+
+What a scene asks is never changed: surface, light, detector, theories and their options are questions. What may change
+is how they are answered: the number of rays and their estimator, the method and the tolerance of the waves and, where
+the time is short, the number of coherence windows.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+from .. import assembly
+from ..accuracy.calibrating import Calibration
+from ..errors import InputError, ToleranceError, relative_tolerance
+from ..scene import Scene
+from ..surface import Heightfield
+from .forecast import Forecast
+from .parts import forecasts, wave_part
+from .plans import duration, in_words, percent
+
+RAY_TOLERANCES = (0.3, 0.1, 0.05, 0.03, 0.02, 0.01, 0.005, 0.003, 0.002, 0.001)
+WAVE_TOLERANCES = (0.1, 0.03, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6)
+SOME = (0.1, 0.01, 1e-3, 1e-4)  # of them for direct sums, which are seldom the quickest
+OPENCL_TOL = 5e-5  # what single precision is good for
+FEWER = (2, 4, 8, 16, 64)  # of the windows only every so many are taken, where time is short
+MARGIN = 1.25  # forecasts are good to a factor of 2: so much less than the time is planned for
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One way to make a part: settings by key of the scene, and what they cost. part : "rays" or "waves" """
+
+    part: str
+    settings: dict[str, Any]
+    seconds: float
+    error: float
+    speckle: float | None = None
+
+    def row(self, chosen: bool) -> dict[str, Any]:
+        return {
+            "part": self.part,
+            "settings": dict(self.settings),
+            "seconds": self.seconds,
+            "error": self.error,
+            "speckle": self.speckle,
+            "chosen": chosen,
+        }
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The scene with what was chosen, the settings, and all candidates as rows."""
+
+    scene: Scene
+    settings: dict[str, Any]
+    alternatives: tuple[dict[str, Any], ...]
+
+
+def choose(
+    scene: Scene,
+    surface: Heightfield | None,
+    source: Heightfield | None,
+    on: Calibration,
+    max_seconds: float | None,
+    tol: float | None,
+) -> Choice:
+    """The cheapest settings that meet `tol` (and `max_seconds`); without a tolerance the most accurate in the time.
+
+    tol : of rays the relative standard error, of waves the numerical error: what `tol` of their tables is
+
+    Raises InputError for a time or tolerance that is none, and where nothing is simulated; ToleranceError, with what
+    would be needed and what could be reached, where no settings do.
+    """
+    begin = time.process_time()
+    if tol is not None:
+        relative_tolerance(tol, "tol")
+    if max_seconds is not None and not max_seconds > 0:
+        raise InputError(f"max_seconds = {max_seconds!r}: a time above 0 is needed")
+    if surface is None or (scene.geometric is None and scene.wave is None):
+        raise InputError("max_seconds and tol are for scenes that simulate: this one has no [geometric] and no [wave]")
+    groups = _groups(scene, surface, on, tol)
+    rest = _rest(scene, source, surface, on) + time.process_time() - begin
+    if tol is None:
+        assert max_seconds is not None
+        found = _most_accurate(groups, max_seconds / MARGIN - rest)
+        if found is None:
+            raise ToleranceError(_too_short(groups, rest, max_seconds))
+    else:
+        found = _cheapest(groups, tol)
+        needed = rest + sum(c.seconds for c in found)
+        if max_seconds is not None and MARGIN * needed > max_seconds:
+            fewer = _cheapest(groups, tol, speckled=True)
+            if MARGIN * (rest + sum(c.seconds for c in fewer)) > max_seconds:
+                raise ToleranceError(_refusal(groups, found, rest, max_seconds, tol))
+            found = fewer
+    settings = {k: v for c in found for k, v in c.settings.items()}
+    rows = tuple(c.row(c is one) for group, one in zip(groups, found) for c in _worth_telling(group, one))
+    return Choice(_with(scene, settings), settings, rows)
+
+
+def _worth_telling(group: list[Candidate], chosen: Candidate) -> list[Candidate]:
+    """What was chosen, what is more accurate or quicker, and other methods at the same tolerance."""
+    ladder = _ladder([c for c in group if _whole(c) or c is chosen])
+    same = [c for c in group if _whole(c) and c.error == chosen.error]
+    told = [c for c in group if c is chosen or c in ladder or c in same]
+    return sorted(told, key=lambda c: c.seconds)
+
+
+def _whole(c: Candidate) -> bool:
+    return "wave.windows" not in c.settings
+
+
+# ---- candidates
+def _groups(scene: Scene, surface: Heightfield, on: Calibration, tol: float | None) -> list[list[Candidate]]:
+    groups = []
+    if scene.geometric is not None:
+        groups.append(list(_ray_candidates(scene, surface, on, tol)))
+    if scene.wave is not None:
+        groups.append(list(_wave_candidates(scene, surface, on, tol)))
+    return groups
+
+
+def _ray_candidates(scene: Scene, surface: Heightfield, on: Calibration, tol: float | None) -> Iterator[Candidate]:
+    from .ray_forecast import forecasts_of_tolerances
+
+    assert scene.geometric is not None
+    gonio, asked = assembly.gonioreflectometer(scene), scene.geometric
+    narrow = gonio.detector.kind == "in-plane" and not gonio.incoming.divergence_deg
+    estimators = ("facets", "binning") if asked.estimator == "auto" and narrow else (asked.estimator,)
+    tolerances = sorted({*RAY_TOLERANCES, *([tol] if tol else [])}, reverse=True)
+    for estimator in estimators:
+        solver = replace(assembly.rays(scene), estimator=estimator)
+        found = forecasts_of_tolerances(
+            solver, surface, gonio.incoming, gonio.detector, on.speeds, on.threads, tolerances
+        )
+        for tolerance, (wanted, f) in zip(tolerances, found):
+            settings = {"geometric.tol": tolerance, "geometric.rays": wanted.rays, "geometric.estimator": estimator}
+            yield Candidate("rays", settings, f.seconds, tolerance)
+
+
+def _wave_candidates(scene: Scene, surface: Heightfield, on: Calibration, tol: float | None) -> Iterator[Candidate]:
+    assert scene.wave is not None
+    scalar = set(scene.wave.theory) - {"full-wave", "iterated-kirchhoff"}
+    methods = ("nufft", "opencl", "reference") if scene.wave.method == "auto" and scalar else (scene.wave.method,)
+    tolerances = sorted({*WAVE_TOLERANCES, *([tol] if tol else [])}, reverse=True)
+    for method in methods:
+        few = method != "nufft" and len(methods) > 1
+        for tolerance in [t for t in tolerances if not few or t in SOME or t == tol]:
+            if method == "opencl" and tolerance < OPENCL_TOL:
+                continue
+            settings: dict[str, Any] = {"wave.tol": tolerance, "wave.method": method}
+            whole = _wave_candidate(scene, surface, on, settings)
+            yield whole
+            yield from _with_fewer_windows(scene, surface, whole)
+
+
+def _wave_candidate(scene: Scene, surface: Heightfield, on: Calibration, settings: dict[str, Any]) -> Candidate:
+    changed = _with(scene, settings)
+    found = [wave_part(changed, surface, theory, on.speeds) for theory in assembly.wave_groups(scene).values()]
+    known = [f for f in found if f is not None]
+    seconds = sum(f.seconds for f in known)
+    error = max((f.error for f in known if f.error is not None), default=1.0)
+    return Candidate("waves", settings, seconds, error, max((f.speckle or 0.0 for f in known), default=None))
+
+
+def _with_fewer_windows(scene: Scene, surface: Heightfield, whole: Candidate) -> Iterator[Candidate]:
+    """The same with fewer windows: time falls as their number, but for a window's worth of finding the spacing; the
+    speckle rises as one over its root."""
+    from ..wave.coherence import WindowPlan
+
+    assert scene.wave is not None
+    incoming = assembly.gonioreflectometer(scene).incoming
+    there = WindowPlan.of(surface, incoming.coherence_um, scene.wave.windows)
+    for fewer in FEWER:
+        count = len(there.windows) // fewer
+        if count >= 1:
+            independent = min(float(count), there.independent)
+            yield Candidate(
+                "waves",
+                {**whole.settings, "wave.windows": count},
+                whole.seconds * (count + 0.5) / (len(there.windows) + 0.5),
+                whole.error,
+                min(1.0, (whole.speckle or 0.0) * (there.independent / independent) ** 0.5),
+            )
+
+
+def _rest(scene: Scene, source: Heightfield | None, surface: Heightfield, on: Calibration) -> float:
+    """Seconds of all that is not chosen: libraries, surface, comparison, page."""
+    cheap = {"geometric.tol": None, "geometric.rays": 1, "wave.tol": 0.9}
+    found: dict[str, Forecast] = forecasts(_with(scene, cheap), source, surface, on, solvers=False)
+    return sum(f.seconds for f in found.values())
+
+
+def _with(scene: Scene, settings: dict[str, Any]) -> Scene:
+    """The scene with other values of some keys "table.key" of tables that it has."""
+    tables: dict[str, dict[str, Any]] = {}
+    for key, value in settings.items():
+        table, name = key.split(".")
+        if getattr(scene, table) is not None:
+            tables.setdefault(table, {})[name] = value
+    return scene.model_copy(update={t: getattr(scene, t).model_copy(update=v) for t, v in tables.items()})
+
+
+# ---- the choice
+def _cheapest(groups: list[list[Candidate]], tol: float, speckled: bool = False) -> list[Candidate]:
+    """Of each group the cheapest that meets the tolerance; with fewer windows only where their speckle does as well."""
+    found = []
+    for group in groups:
+        fits = [c for c in group if c.error <= tol * 1.0001]
+        fits = [c for c in fits if _whole(c) or (speckled and c.speckle is not None and c.speckle <= tol)]
+        if not fits:
+            best = min(group, key=lambda c: c.error)
+            raise ToleranceError(
+                f"tol = {tol:g} cannot be met: the {best.part} reach {percent(best.error)} at best "
+                f"({_words(best)}, {duration(best.seconds)}): take tol = {best.error:.2g}, or another method or theory"
+            )
+        found.append(min(fits, key=lambda c: (c.seconds, c.error)))
+    return found
+
+
+def _most_accurate(groups: list[list[Candidate]], seconds: float) -> list[Candidate] | None:
+    """The set with the smallest of the largest errors in so many seconds; None where nothing is quick enough.
+
+    From the cheapest of each group on, the one with the largest error is made better as long as there is time. Windows
+    are left out only where all of them, however coarsely summed, take too long.
+    """
+    for least in (True, False):
+        ladders = [_ladder([c for c in group if _whole(c) or not least]) for group in groups]
+        at = [0] * len(ladders)
+        if sum(ladder[0].seconds for ladder in ladders) <= seconds:
+            break
+    else:
+        return None
+    open_ = set(range(len(ladders)))
+    while open_:
+        worst = max(open_, key=lambda g: ladders[g][at[g]].error)
+        spent = sum(ladder[i].seconds for g, (ladder, i) in enumerate(zip(ladders, at)) if g != worst)
+        better = at[worst] + 1
+        if better < len(ladders[worst]) and spent + ladders[worst][better].seconds <= seconds:
+            at[worst] = better
+        else:
+            open_.discard(worst)
+    return [ladder[i] for ladder, i in zip(ladders, at)]
+
+
+def _ladder(group: list[Candidate]) -> list[Candidate]:
+    """From the cheapest to the most accurate: none that another beats in seconds, error and speckle together."""
+    rungs: list[Candidate] = []
+    for c in sorted(group, key=lambda c: (c.seconds, total_error(c))):
+        if not rungs or total_error(c) < total_error(rungs[-1]) * 0.999:
+            rungs.append(c)
+    return rungs
+
+
+def total_error(c: Candidate) -> float:
+    """Numerical error and, where windows were left out, their speckle."""
+    return c.error if _whole(c) else (c.error**2 + (c.speckle or 0.0) ** 2) ** 0.5
+
+
+# ---- words
+def _words(c: Candidate) -> str:
+    return in_words({k.split(".")[1]: v for k, v in c.settings.items()})
+
+
+def _needs(found: list[Candidate], rest: float) -> str:
+    each = ", ".join(f"{c.part} {duration(c.seconds)} ({_words(c)})" for c in found)
+    total = rest + sum(c.seconds for c in found)
+    return f"{each}, all else {duration(rest)}, {duration(total)} in all"
+
+
+def _refusal(groups: list[list[Candidate]], found: list[Candidate], rest: float, seconds: float, tol: float) -> str:
+    total = MARGIN * (rest + sum(c.seconds for c in found))
+    reached = _most_accurate(groups, seconds / MARGIN - rest)
+    instead = "nothing at all can be done"
+    if reached is not None:
+        instead = f"an error of {percent(max(c.error for c in reached))} is reached"
+    return (
+        f"{percent(tol)} in {duration(seconds)} cannot be had: expected are {_needs(found, rest)}; in "
+        f"{duration(seconds)} {instead}. Allow {duration(total)}, a larger tol, or ask for fewer angles or wavelengths"
+    )
+
+
+def _too_short(groups: list[list[Candidate]], rest: float, seconds: float) -> str:
+    found = [_ladder(group)[0] for group in groups]
+    total = MARGIN * (rest + sum(c.seconds for c in found))
+    return (
+        f"{duration(seconds)} is too short: expected are at least {_needs(found, rest)}. Allow {duration(total)}, or "
+        "ask for less: fewer angles or wavelengths, no page, one of the theories"
+    )
