@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..dataset import ascending, check, label, takes_nodes
+from ..dataset import ascending, check, label
 from ..errors import InputError, VgonioError, nearest
 from ..materials import Material
 from ..models.clausen_2022 import WAVELENGTH_N_NM
@@ -29,9 +29,8 @@ _NAMES = {
 }
 
 
-@takes_nodes
 def compare(
-    results: Mapping[str, xr.Dataset] | xr.DataTree,
+    results: Mapping[str, xr.Dataset | xr.DataTree] | xr.DataTree,
     reference: str | None = None,
     material: str | Material | None = "Al",
     *,
@@ -72,12 +71,13 @@ def compare(
     return merged
 
 
-def _datasets(results: Mapping[str, xr.Dataset] | xr.DataTree) -> dict[str, xr.Dataset]:
+def _datasets(results: Mapping[str, xr.Dataset | xr.DataTree] | xr.DataTree) -> dict[str, xr.Dataset]:
     if isinstance(results, xr.DataTree):
-        results = {str(k): node.to_dataset() for k, node in results.children.items() if "brdf" in node.data_vars}
+        results = {str(k): node for k, node in results.children.items() if "brdf" in node.data_vars}
     if not results:
         raise InputError("nothing to compare: no result with a BRDF")
-    return {str(name): ascending(check(data, f"result {name!r}")) for name, data in results.items()}
+    flat = {str(k): data.to_dataset() if isinstance(data, xr.DataTree) else data for k, data in results.items()}
+    return {name: ascending(check(data, f"result {name!r}")) for name, data in flat.items()}
 
 
 def _split(results: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
