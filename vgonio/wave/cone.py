@@ -77,21 +77,22 @@ def cone_nodes(detector: Detector, k: Floats, step: float, across: float = 0.0, 
         return _cut(detector, k, step, across)
     theta, a = np.deg2rad(detector.theta_deg), detector.half_angle
     reach = np.sin(theta) * np.cos(a)
-    # cones that come close to the horizon keep their cut edge: f is not smooth across it
+    # f does not go on below the horizon: cones that come close to it have a Gauss rule, those that cross it a cut edge
     pad = rule.soft * np.sqrt(-2 * np.log(rule.least)) * rule.spacing * step / k.min()
     gauss = k * np.sin(a) / step < rule.narrow
     pad = 0.0 if gauss.all() else pad
     high = np.hypot(np.abs(reach) + np.cos(theta) * np.sin(a) + pad, np.sin(a) + pad) < 1
+    whole = np.abs(theta) + a < np.pi / 2
     radius = k * np.sin(a) / (rule.spacing * step)
-    expected = float(np.sum((2 * radius + 4 * rule.soft) ** 2)) * len(theta)
+    expected = float(np.sum((3 * radius + 4 * rule.soft) ** 2)) * len(theta)
     _require_affordable(expected, step)
     parts = [
-        (_gauss if gauss[j] else _soft)(reach[e], np.cos(theta[e]), a, k[j], step, across, rule)
-        for e in np.flatnonzero(high)
+        (_soft if high[e] and not gauss[j] else _gauss)(reach[e], np.cos(theta[e]), a, k[j], step, across, rule)
+        for e in np.flatnonzero(whole)
         for j in range(len(k))
     ]
-    target = [e * len(k) + j for e in np.flatnonzero(high) for j in range(len(k))]
-    low = np.flatnonzero(~high)
+    target = [e * len(k) + j for e in np.flatnonzero(whole) for j in range(len(k))]
+    low = np.flatnonzero(~whole)
     cut = _cut(detector, k, step, across)
     kept = np.isin(cut.target // len(k), low)
     su, sv, weight = (np.concatenate([p[i] for p in parts]) if parts else np.zeros(0) for i in range(3))
