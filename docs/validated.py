@@ -190,8 +190,10 @@ def lines(chosen: list[dict[str, str]], date: str, named: Callable[[str], str] =
 def page(table: list[dict[str, str]]) -> str:
     """The full table by part, with where and when it was measured."""
     newest = max(table, key=lambda r: r["date"])
+    commits = {row["commit"] for row in table}
+    commit = f"commit {newest['commit']}" if len(commits) == 1 else "the commits that validated.csv names"
     out = [
-        f"Measured {newest['date']}, vgonio {newest['version']} at commit {newest['commit']}, on {newest['machine']}; "
+        f"Measured {newest['date']}, vgonio {newest['version']} at {commit}, on {newest['machine']}; "
         "a row of another day says so.\n"
     ]
     for name in dict.fromkeys(row["part"] for row in table):

@@ -87,6 +87,7 @@ def test_ranges_are_joined(table) -> None:
 def test_a_figure_of_another_day_says_so(table) -> None:
     rows = [table.merged([RECORD]), table.merged([{**RECORD, "date": "2026-11-20", "quantity": "old"}])]
     text = table.page(rows)
+    assert "at the commits that validated.csv names" in table.page([rows[0], {**rows[1], "commit": "def"}])
     assert "Measured 2026-11-22, vgonio 0.1.0 at commit abc, on one" in text
     assert "| old | a\\|b | 3e-7 (2026-11-20) | 1e-6 |" in text
 
