@@ -230,3 +230,35 @@ def test_profile_at_180_degrees():
         gonio = vg.measure.Gonioreflectometer([25 * sign], angles, coherence_um=1, phi_i_deg=phi)
         values.append(gonio.measure(surface, solver).brdf.values)
     assert np.allclose(values[0], values[1], rtol=1e-9)
+
+
+# ---- extreme cases
+def pillars() -> Heightfield:
+    """Square pillars 0.4 µm apart, half as wide, 1 µm high: walls that nearly touch."""
+    x = np.arange(40) // 4 % 2
+    return Heightfield(1.0 * np.outer(x, x), 0.05, periodic=True, interpolation="nearest")
+
+
+EXTREME = {
+    "one wavelength": (rough(0.2, 0.4, 16, 0.1), 0.6, "curvature"),
+    "touching walls": (pillars(), 2.0, "apart"),
+    "needles": (Heightfield(np.random.default_rng(0).normal(0, 2, (24, 24)), 0.1), 2.0, "curvature"),
+}
+
+
+@pytest.mark.parametrize("name", EXTREME)
+@pytest.mark.parametrize("metal", ["perfect", "SiO2"])
+@pytest.mark.parametrize("method", ["pairs", "blocks"])
+def test_extreme_patches_give_finite_numbers_and_say_why_not_to_trust_them(name, metal, method):
+    """No NaN, nothing negative, 85° included; and a warning that names the reason."""
+    surface, window, reason = EXTREME[name]
+    gonio = vg.measure.Gonioreflectometer([0, 85], range(-85, 86, 34), aperture_deg=6)
+    solver = IteratedKirchhoff(metal, [600], bounces=3, windows=1, window_um=window, method=method, polarised=True)
+    with pytest.warns(VgonioWarning, match=reason):
+        data = gonio.measure(surface, solver)
+    for variable in ("brdf", "brdf_by_bounce", "energy_by_bounce", "energy_reflected"):
+        values = data[variable].values
+        assert np.isfinite(values).all()
+        assert (values >= 0).all()
+    assert np.isfinite(data.mueller).all()
+    assert reason in data.attrs["limits"]

@@ -4,6 +4,7 @@ and sane numbers in extreme cases."""
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import vgonio as vg
 from vgonio.errors import VgonioWarning
 from vgonio.materials import material
 from vgonio.surface import Heightfield
+from vgonio.wave.coherence import Window
 from vgonio.wave.full_wave import scatter_profile
 from vgonio.wave.iterated import IteratedKirchhoff
 from vgonio.wave.iterated.beam import Beam
@@ -161,14 +163,18 @@ def test_second_hits_are_those_of_the_rays():
     """Shares of mirrored rays that meet the surface again, by the march here (a beam on part of the surface) and by
     the ray tracer (all of it): 0.06, as much as parts of this size differ."""
     surface = vg.surface.gaussian(1.0, 3.0, (128, 128), 0.2, seed=2)
-    whole = (12.8, 12.8)
+    whole = Window(6.0, (12.8, 12.8), (12.8, 12.8))
     for theta in (0.0, 60.0):
         gonio = vg.measure.Gonioreflectometer([theta], [0])
         rays = gonio.measure(surface, vg.geometric.RayOptics("perfect", [550], rays=40_000))
-        share, _ = second_hits(surface, whole, whole, 6.0, gonio.incoming.vectors[0], 0)
+        share, _ = second_hits(surface, [whole], 6.0, gonio.incoming.vectors[0], 0)
         assert share == pytest.approx(1 - rays.energy_by_bounce.sel(bounce=1).item(), abs=0.06)
-    small = second_hits(surface, whole, (8.0, 8.0), 4.0, gonio.incoming.vectors[0], 0)
+    wi = gonio.incoming.vectors[0]
+    small = second_hits(surface, [replace(whole, half=(8.0, 8.0))], 4.0, wi, 0)
     assert small[1] > 0.3
+    corners = [Window(1.0, (4.0, 4.0), (y, 8.0)) for y in (6.0, 18.0)]
+    apart = np.mean([second_hits(surface, [one], 1.0, wi, 0) for one in corners], axis=0)
+    assert second_hits(surface, corners, 1.0, wi, 0)[0] == pytest.approx(apart[0], abs=0.03)  # 4 standard errors
 
 
 # ---- extreme cases

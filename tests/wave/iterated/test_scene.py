@@ -28,6 +28,14 @@ def test_plan_says_for_which_angles_light_can_come_back():
     assert not vg.plan(scene()).needs("transform")
 
 
+def test_plan_says_how_a_patch_is_summed_and_why():
+    rough = {"kind": "gaussian", "rms_um": 1.0, "correlation_um": 2.0, "shape": [64, 64], "pitch_um": 0.2, "seed": 1}
+    asked = scene(window_um=8, windows=1) | {"surface": {"generate": rough}}
+    stage = next(s for s in vg.plan(asked).stages if s.name == "iterate")
+    assert "pairs: " in stage.cost
+    assert "of the pairs see each other" in stage.cost
+
+
 def test_simulated_with_its_options():
     data = vg.simulate(scene(bounces=2, window_um=12, windows=1))["waves"]
     assert data.brdf_by_bounce.sizes["bounce"] == 2

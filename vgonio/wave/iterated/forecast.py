@@ -9,6 +9,7 @@ import numpy as np
 from ...directions import Incoming
 from ...surface.heightfield import Heightfield
 from ...surface.visibility import single_reflections
+from .choice import choose
 from .equation import rule_of
 from .far_patch import PER_SPECKLE
 from .place import Places
@@ -30,24 +31,33 @@ class Counts:
     windows: int
     window_um: float
     independent: float
+    how: str = ""
+
+
+VISITED = 0.03  # time to find that a pair of points of a patch does not see each other, over that to sum one that does
+IN_BLOCKS = 0.3  # the same of a pair that is summed as part of a block
 
 
 def counts(solver: IteratedKirchhoff, surface: Heightfield, incoming: Incoming) -> Counts:
     """What `scatter` will have to do; InputError where it would refuse the windows."""
     places = Places.of(surface, solver.window_um, incoming.coherence_um, solver.windows)
     many = int(np.count_nonzero(~np.asarray(single_reflections(surface, incoming.theta_deg))))
-    points, pairs, far = 0.0, 0.0, 0.0
+    points, pairs, far, share, how = 0.0, 0.0, 0.0, 1.0, ""
     per = solver.per(surface)
+    if not surface.is_profile and many and solver.bounces > 1:
+        chosen = choose(solver, surface, places)
+        share = VISITED + chosen.visible * (1 - (1 - IN_BLOCKS) * chosen.whole * chosen.blocks)
+        how = f"{chosen.name}: {chosen.why}"
     for w in np.asarray(solver.wavelength_nm) * 1e-3:
         along = places.window_um * per / w
         n = along if surface.is_profile else along**2
         points = max(points, n)
-        pairs += n**2 * len(places.windows) * (1 if surface.is_profile else many * max(solver.bounces - 1, 0))
+        pairs += n**2 * len(places.windows) * (1 if surface.is_profile else many * max(solver.bounces - 1, 0) * share)
         if surface.is_profile and many and solver.bounces > 1 and solver.sweeps:
             pairs += n**2 * len(places.windows) * _sweeping(solver, n, 1e3 * w, incoming.polarisation)
         if solver.energy and not surface.is_profile:
             far += n * np.pi * (PER_SPECKLE * places.length_um / w) ** 2 * len(places.windows) * len(incoming.theta_deg)
-    return Counts(points, pairs, far, len(places.windows), places.window_um, places.independent)
+    return Counts(points, pairs, far, len(places.windows), places.window_um, places.independent, how)
 
 
 def forecast(solver: IteratedKirchhoff, surface: Heightfield, incoming: Incoming) -> tuple[str, str]:
@@ -61,7 +71,9 @@ def forecast(solver: IteratedKirchhoff, surface: Heightfield, incoming: Incoming
     what = "; ".join(part for part in (bounces, swept, one) if part) or "one reflection"
     n = counts(solver, surface, incoming)
     where = "" if n.windows == 1 else f" in each of {n.windows} windows"
-    return what, f"window_um = {n.window_um:g}, about {n.points:,.0f} points{where}, {n.pairs:.1e} pairs in all"
+    return what, f"window_um = {n.window_um:g}, about {n.points:,.0f} points{where}, {n.pairs:.1e} pairs in all" + (
+        f"; {n.how}" if n.how else ""
+    )
 
 
 def _sweeping(solver: IteratedKirchhoff, points: float, wavelength_nm: float, polarisation: str) -> float:

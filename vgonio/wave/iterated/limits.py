@@ -64,16 +64,23 @@ def _walls(surface: Heightfield, wavelength: Floats) -> list[str]:
     """Narrow grooves with vertical walls."""
     if surface.interpolation != "nearest" or np.ptp(surface.z) == 0:
         return []
-    row = surface.z[0]
-    changes = np.flatnonzero(np.abs(np.diff(row)) > SHALLOW * wavelength.min())
-    runs = np.diff(changes) * surface.dx
-    narrow = float(runs.min()) if runs.size else np.inf
+    deep = SHALLOW * wavelength.min()
+    narrow = _narrowest(surface.z[:1] if surface.is_profile else surface.z, surface.dx, deep)
+    if not surface.is_profile:
+        narrow = min(narrow, _narrowest(surface.z.T, surface.dy, deep))
     if narrow >= NARROW * wavelength.max():
         return []
     return [
         f"walls {narrow:.3g} µm apart, {narrow / wavelength.max():.2g} wavelengths: between them light is guided, not "
         "reflected as by planes; take the full-wave solver"
     ]
+
+
+def _narrowest(z: Floats, pitch: float, deep: float) -> float:
+    """Least distance in µm between steps of more than `deep` along any row of z; ∞ where no row has two."""
+    row, at = np.nonzero(np.abs(np.diff(z, axis=1)) > deep)
+    gaps = np.diff(at)[np.diff(row) == 0]
+    return float(gaps.min()) * pitch if gaps.size else np.inf
 
 
 def _curvature_radius(surface: Heightfield) -> float:

@@ -1,4 +1,4 @@
-"""Where mirrored rays meet the surface again: inside the patch that is computed, outside it, or nowhere."""
+"""Where mirrored rays meet the surface again: inside the patches that are computed, outside, or nowhere."""
 
 from __future__ import annotations
 
@@ -7,41 +7,44 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from ...surface.heightfield import Heightfield
+from ..coherence import Window
 from ..quadrature import Floats
 
-RAYS = 4000  # of one angle of incidence
+RAYS = 4000  # of one angle of incidence, all windows together
 STEPS = 4000  # of one ray, at most
 HALVINGS = 20  # of the last step, down to the surface
 
 
 def second_hits(
-    surface: Heightfield, centre: tuple[float, float], half: tuple[float, float], length: float, wi: Floats, seed: int
+    surface: Heightfield, windows: list[Window], length: float, wi: Floats, seed: int
 ) -> tuple[float, float]:
-    """(share of the light on the patch that meets the surface again, share of that which does so outside the patch).
+    """(share of the light on the patches that meets the surface again, share of that which does so outside its patch).
 
-    centre, half : (y, x) of the patch in µm;  length : ℓ of its Gaussian window;  wi : (3,) towards the source
+    length : ℓ of the Gaussian windows;  wi : (3,) towards the source
     Rays start where a Gaussian beam of that window falls, march to the surface, are mirrored and march on, in steps of
     half a pitch on the bilinear surface. What leaves a finite sample sideways, still among its heights, counts as
     outside.
     """
+    of = np.arange(max(RAYS, len(windows))) % len(windows)
+    centre = np.array([w.centre[::-1] for w in windows])[of]
+    half = np.array([w.half[::-1] for w in windows])[of]
     rng = np.random.default_rng(seed)
     top = float(surface.z.max()) + 1e-6
-    start = np.empty((RAYS, 3))
+    start = np.empty((len(of), 3))
     spread = length / np.sqrt(2)  # of the intensity
-    for axis, (c, r) in enumerate(zip(centre[::-1], half[::-1])):
-        start[:, axis] = c + np.clip(rng.normal(0, spread, RAYS), -r, r)
+    for axis in (0, 1):
+        start[:, axis] = centre[:, axis] + np.clip(rng.normal(0, spread, len(of)), -half[:, axis], half[:, axis])
     start[:, 2] = 0.0
     start += wi * ((top - start[:, 2]) / wi[2])[:, None]
     place, hit = _march(surface, start, np.broadcast_to(-wi, start.shape))
-    place = place[hit]
+    place, centre, half = place[hit], centre[hit], half[hit]
     normal = _normals(surface, place)
     d = -wi - 2 * (normal @ -wi)[:, None] * normal
     again, met = _march(surface, place + 1e-3 * min(surface.pitch_um) * normal, d)
     low = (again[:, 2] < top) & ~met  # left sideways
     outside = np.zeros(len(place), bool)
-    for axis, (c, r) in enumerate(zip(centre[::-1], half[::-1])):
-        if axis == 0 or not surface.is_profile:
-            outside |= np.abs(again[:, axis] - c) > r
+    for axis in (0,) if surface.is_profile else (0, 1):
+        outside |= np.abs(again[:, axis] - centre[:, axis]) > half[:, axis]
     second = met | low
     share = float(second.mean()) if len(second) else 0.0
     return share, float((outside & second).sum() / second.sum()) if second.any() else 0.0

@@ -248,10 +248,7 @@ class IteratedKirchhoff:
         (brdf, stderr), (energies, _) = (mean(found, places, n) for n in ("brdf", "energy"))
         over = ("theta_i", *detector.dims, "wavelength")
         bounce = np.arange(1, self.bounces + 1)
-        hits = [
-            second_hits(surface, places.windows[0].centre, places.windows[0].half, places.length_um, wi, self.seed)
-            for wi in incoming.vectors
-        ]
+        hits = [second_hits(surface, places.windows, places.length_um, wi, self.seed) for wi in incoming.vectors]
         variables: dict[str, tuple[tuple[str, ...], Any]] = {
             "brdf": (over, brdf[-1]),
             "brdf_stderr": (over, stderr[-1]),
