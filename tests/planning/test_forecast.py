@@ -43,7 +43,8 @@ def test_seconds_and_memory_are_expected_within_a_factor_of_2(calibrated, name):
 
 def scene(**changes) -> dict:
     return {
-        "surface": {"generate": {"kind": "gaussian", "rms_um": 0.3, "correlation_um": 4, "shape": [64, 64]}},
+        "surface": {"generate": {"kind": "gaussian", "rms_um": 0.3, "correlation_um": 4, "shape": [64, 64],
+                                 "pitch_um": 1.0}},
         "material": {"name": "Al"},
         "light": {"wavelength_nm": [450, 550, 650], "theta_i_deg": [0, 40], "coherence_um": 5},
         "detector": {"theta_o_deg": [-60, -40, -20, 0, 20]},

@@ -1,6 +1,7 @@
 """What a scene will do before it is done: every stage with its reason, library and rough cost, and what to be wary of.
 
-Planning reads the surface (and a measured file) but simulates nothing and loads no ray or wave library.
+Planning reads the surface (and a measured file) but simulates nothing and loads no ray or wave library. Where a
+tolerance decides about the number of rays it takes a first look at some: nothing else tells how many that will be.
 """
 
 from __future__ import annotations

@@ -109,19 +109,24 @@ def _forecast(
 
 @dataclass(frozen=True)
 class Look:
-    """A first look at some angles of incidence, by index: rays that were taken, and the error with them."""
+    """A first look at some angles of incidence, by index: rays that were taken, and the error with them.
+
+    of_rays : whether that error is one of rays alone, and none of points on chosen facets"""
 
     which: Floats
     taken: Floats
     errors: Floats
+    of_rays: bool
 
     def needed(self, solver: RayOptics, angles: int) -> tuple[list[float], float]:
         """Rays of every angle that the tolerance needs, and the error with them."""
         tol = float(solver.tol or 1.0)
         least = min(solver.rays, BATCH)
         wanted = np.clip(MARGIN * self.taken * (self.errors / tol) ** 2, least, solver.rays)
-        # what met the tolerance needs no more; how much less it needs follows from the error
-        rays = np.where(self.errors <= tol, np.minimum(wanted, self.taken), wanted)
+        # what met the tolerance needs no more; how much less follows from the error of rays alone: that of chosen
+        # facets falls faster than as one over the root of their number
+        enough = np.minimum(wanted, self.taken) if self.of_rays else np.minimum(self.taken, solver.rays)
+        rays = np.where(self.errors <= tol, enough, wanted)
         error = float(np.max(self.errors * np.sqrt(self.taken / rays)))
         # between the angles that were looked at: a straight line of the logarithm
         return np.exp(np.interp(np.arange(angles), self.which, np.log(rays))).tolist(), error
@@ -138,7 +143,8 @@ def look(solver: RayOptics, surface: Heightfield, incoming: Incoming, detector: 
         data = short.scatter(surface, replace(incoming, theta_deg=np.asarray(incoming.theta_deg)[which]), detector)
     counts = (data["brdf"] > 0) & (data["brdf"] >= COUNTS * data["brdf"].max(detector.dims))
     errors = (data["brdf_stderr"] / data["brdf"]).where(counts).max([*detector.dims, "wavelength"]).fillna(1.0)
-    return Look(which.astype(np.float64), data["rays"].values.astype(np.float64), np.atleast_1d(errors.values))
+    of_rays = "facets" not in str(data.attrs["estimator"])
+    return Look(which.astype(np.float64), data["rays"].values.astype(np.float64), np.atleast_1d(errors.values), of_rays)
 
 
 def _facets(solver: RayOptics, surface: Heightfield, incoming: Incoming) -> tuple[float, bool]:
