@@ -52,7 +52,7 @@ TELLING = (
     "Kirchhoff and GHS on aluminium sinusoids, depth 0.1 µm, period 2 and 5 µm, 3 … 58°, Σ|Δ|/Σ",
     "full wave: cylinders, perfect, glass, metal",
     "full wave: aluminium sinusoids, TE and TM, each order (the digits of the reference: 5e-7)",
-    "iterated Kirchhoff, mean lobes, slope 0.7 … 1.0, 0 and 20°, Σ|Δ|/Σ (benchmarks/multiple_scattering.py)",
+    "iterated Kirchhoff with diffraction, steep profiles, 0 … 70°, Σ|Δ|/Σ",
     "energy of rays, loss-free, 0 … 89°, slopes 0 … 1.5, walls up to four times as deep as wide",
     "masked single reflections (4 standard errors + 0.3 %)",
     "λ → 0 with shadows, 70°, towards grazing (without shadows a third too much; 3 standard errors + 10 %)",
