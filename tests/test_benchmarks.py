@@ -38,6 +38,15 @@ def test_rays(capsys):
         assert words in out
 
 
+def test_patches(capsys):
+    """Blocks of points keep to their errors against all pairs, the more careful ones by far."""
+    pytest.importorskip("pyopencl")
+    rows = load("patches").main(["--quick"])["rows"]
+    for r in rows:
+        assert r["error"] <= {"pairs": 0.0, "blocks 0.01": 1e-2, "blocks 0.001": 1e-3}[r["method"]]
+    assert len(rows) == 6
+
+
 def test_multiple_scattering(capsys, monkeypatch, tmp_path):
     """Errors of the quick version's four profiles; iterated is well below single, diffraction well below that, and the
     figure and the page are made of the results."""

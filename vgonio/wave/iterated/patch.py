@@ -21,7 +21,7 @@ from .far_waves import AZIMUTHS, Waves, horizon_map
 from .pair_reference import seen_from
 from .pairs import Grid, reflect_blocks, reflect_opencl
 
-MOST_POINTS = 1_100_000  # of one patch, 80 µm at λ/7: some minutes for each reflection, 3 GB
+MOST_POINTS = 1_100_000  # of one patch, 80 µm at λ/7: 4 to 10 minutes for each reflection on two cores
 FLAT = 1e9  # stands for a horizon that is not there
 CHECKED = (8, 400)  # points, and pairs of each, on which the rule of sight is compared with a march along the line
 
@@ -55,8 +55,8 @@ class Patch:
         count = int(np.ceil(side / spacing * (1 - 1e-9)))
         if count**2 > MOST_POINTS:
             raise ToleranceError(
-                f"a patch of {side:g} µm needs {count**2:.2g} points, at most {MOST_POINTS:.2g} (some minutes, 3 GB; "
-                f"time grows as their square): take window_um ≤ {spacing * MOST_POINTS**0.5:.3g}, or fewer "
+                f"a patch of {side:g} µm needs {count**2:.2g} points, at most {MOST_POINTS:.2g} (4 to 10 minutes "
+                f"for a reflection): take window_um ≤ {spacing * MOST_POINTS**0.5:.3g}, or fewer "
                 "points_per_wavelength"
             )
         pitch, margin = side / count, count // 2
