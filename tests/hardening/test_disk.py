@@ -173,7 +173,14 @@ def test_a_sweep_on_a_full_disk(inputs, small, monkeypatch, capsys):
 
 
 # ---- every write in turn
-SLOW = ("accuracy", "simulate", "report", "validate")  # and written as the others, or a file that must not be there
+SLOW = (
+    "accuracy",
+    "simulate",
+    "report",
+    "validate",
+    "fit as json",
+    "display characterise",
+)  # and written as the others, or a file that must not be there
 
 
 class Failing:

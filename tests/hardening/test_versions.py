@@ -104,9 +104,6 @@ def test_a_result_from_before_an_attribute_was_written(tmp_path, name):
             del file.attrs[name]
     assert "brdf" in vg.open(path)["rays"]
     assert "brdf" in read_point(path)["rays"]
-    from vgonio.report.explorer import explorer_page
-
-    explorer_page(vg.open(path), tmp_path / "page.html")
     vg.report.page(vg.open(path), tmp_path / "report.html")
 
 

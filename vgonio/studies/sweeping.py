@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import __version__
 from ..errors import BackendError, InputError, VgonioError, whole
+from ..files import undisturbed
 from .gathering import gather
 from .store import Store
 from .study import Study, content_key, load_study
@@ -61,8 +62,12 @@ def sweep(
     todo = _todo(made, store, retry, one_more)
     first = next(todo, None)
     if first is not None:
-        with _client(scheduler, workers, len(made)) as client:
-            _compute_all(client, store, first, todo, one_more)
+        try:
+            with _client(scheduler, workers, len(made)) as client:
+                _compute_all(client, store, first, todo, one_more)
+        except KeyboardInterrupt as interrupt:
+            interrupt.add_note(f"finished points are kept in {store.folder}; the same command goes on from there")
+            raise
     return gather(made, store)
 
 
@@ -110,20 +115,24 @@ def _client(scheduler: str | None, workers: int | None, points: int) -> Iterator
                 yield client
             return
         count = min(points, whole("workers", workers if workers is not None else os.cpu_count() or 1, 1))
-        with (
-            _without_the_callers_script(),
-            distributed.LocalCluster(
-                n_workers=count,
-                threads_per_worker=1,
-                processes=True,
-                dashboard_address=":0",  # any free port, where None would take 8787 and warn of a second cluster
-                scheduler_kwargs={"dashboard": False},
-                silence_logs=50,
-                preload=["vgonio.studies.worker"],
-            ) as cluster,
-            distributed.Client(cluster) as client,
-        ):
-            yield client
+        with ExitStack() as begun:
+            with undisturbed():  # a cluster that is broken off half made, or half ended, leaves processes behind
+                begun.enter_context(_without_the_callers_script())
+                cluster = distributed.LocalCluster(
+                    n_workers=count,
+                    threads_per_worker=1,
+                    processes=True,
+                    dashboard_address=":0",  # any free port, where None would take 8787 and warn of a second cluster
+                    scheduler_kwargs={"dashboard": False},
+                    silence_logs=50,
+                    preload=["vgonio.studies.worker"],
+                )
+                client = begun.enter_context(distributed.Client(begun.enter_context(cluster)))
+            try:
+                yield client
+            finally:
+                with undisturbed():
+                    begun.close()
 
 
 @contextmanager
@@ -166,9 +175,9 @@ def _compute_all(client: Any, store: Store, first: Point, todo: Iterator[Point],
         while running.count():
             _one_ended(running, store, points)
             ended()
-    except KeyboardInterrupt as interrupt:
-        client.cancel(list(running.futures))
-        interrupt.add_note(f"finished points are kept in {store.folder}; the same command goes on from there")
+    except KeyboardInterrupt:
+        with undisturbed(interrupt_after=False):
+            client.cancel(list(running.futures))
         raise
 
 
