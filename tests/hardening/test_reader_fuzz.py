@@ -334,3 +334,38 @@ def test_text_of_other_systems(case, tmp_path):
         (tmp_path / case.name).write_bytes(bad)
         said = outcome(case.read, tmp_path / case.name)
         assert said or b"\xff\xfe\x80" in bad
+
+
+# ---- a machine's calibration, which nobody asked to read
+def test_a_damaged_calibration_never_stops_a_plan(tmp_path, monkeypatch):
+    """Whatever lies in the user's cache, a plan is made: with the built-in figures, and the reason why."""
+    import json
+
+    from vgonio import __version__
+    from vgonio.accuracy import calibrating
+    from vgonio.accuracy.built_in import BUILT_IN
+
+    path = tmp_path / "calibration.json"
+    monkeypatch.setenv("VGONIO_CALIBRATION", str(path))
+    speeds = next(iter(BUILT_IN.values()))
+    monkeypatch.setattr(calibrating, "_name", lambda: "a machine")
+    calibrating._write(calibrating.Calibration("a machine", 1, "2022-11-22", speeds, ""), path)
+    content = path.read_bytes()
+    assert json.loads(content)["version"] == __version__
+    assert calibrating.calibration(1).machine == "a machine"
+    rng = np.random.default_rng(8)
+    fallen_back = 0
+    for k in range(150):
+        bad = damaged(content, rng) if k > 3 else (b"[" * 10**5, b"", b"null", content.replace(b'"1"', b'"-1"'))[k]
+        path.write_bytes(bad)
+        with bounded():
+            found = calibrating.calibration(1)
+        assert isinstance(found.speeds, type(speeds))
+        fallen_back += found.machine != "a machine"
+    assert fallen_back > 20
+    path.unlink()
+    for make in (lambda: os.mkfifo(path), lambda: path.symlink_to("/dev/zero"), lambda: path.symlink_to(path)):
+        make()
+        with bounded():
+            assert calibrating.calibration(1).machine != "a machine"
+        path.unlink()

@@ -15,8 +15,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from ..errors import FileFormatError, InputError
-from ..files import written_whole
+from ..errors import FileFormatError, InputError, whole
+from ..files import json_of, written_whole
 from .built_in import BUILT_IN, MACHINE
 from .measuring import machine
 from .speeds import Speeds
@@ -108,8 +108,10 @@ def _entries(path: Path) -> dict[int, Calibration]:
     """Threads → calibration of this machine and version; FileFormatError with the reason where there is none."""
     from .. import __version__
 
+    if not path.exists():
+        raise FileFormatError("this one is not calibrated")
+    kept = json_of(path, "calibration")
     try:
-        kept = json.loads(path.read_text(encoding="utf-8"))
         if kept["format"] != FORMAT:
             raise FileFormatError(f"{path} is no calibration")
         if kept["version"] != __version__:
@@ -117,11 +119,11 @@ def _entries(path: Path) -> dict[int, Calibration]:
         if kept["machine"] != _name():
             raise FileFormatError(f"the calibration is of another machine ({kept['machine']})")
         return {
-            int(n): Calibration(kept["machine"], int(n), str(entry["date"]), speeds_of(entry["speeds"]))
+            whole("threads", int(n), 1): Calibration(
+                kept["machine"], int(n), str(entry["date"]), speeds_of(entry["speeds"])
+            )
             for n, entry in kept["threads"].items()
         }
-    except FileNotFoundError:
-        raise FileFormatError("this one is not calibrated") from None
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as e:
         if isinstance(e, FileFormatError):
             raise
