@@ -51,7 +51,7 @@ def test_each_number_of_threads_has_its_entry(quick, monkeypatch):
     ("spoil", "why"),
     [
         (lambda kept: None, "not calibrated"),
-        (lambda kept: "{", "damaged"),
+        (lambda kept: "{", "truncated or no JSON"),
         (lambda kept: "[1, 2]", "damaged"),
         (lambda kept: json.dumps(kept | {"version": "0.0.1"}), "of version 0.0.1"),
         (lambda kept: json.dumps(kept | {"machine": "an abacus"}), "another machine (an abacus)"),
