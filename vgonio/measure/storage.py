@@ -19,7 +19,7 @@ from ..hdf5 import require_harmless
 
 FORMAT = "vgonio result"
 FORMAT_VERSION = 1
-JSON_ATTRIBUTES = ("scene", "plan", "provenance", "seconds")
+JSON_ATTRIBUTES = ("scene", "plan", "provenance", "seconds", "memory_bytes")
 GROUPS = ("rays", "waves", "measured", "comparison")
 
 
