@@ -187,6 +187,19 @@ def test_power_is_whole_and_the_default_is_quiet(polarisation, agreement):
     assert float(np.abs(data.energy_diffraction).max()) > 0.02
 
 
+@pytest.mark.parametrize("name", ["Al", "SiO2"])
+def test_the_default_is_quiet_on_rough_metal_and_glass(name):
+    """Error of the spacing below 1 %, at which a warning begins after sweeps; with three points it is told."""
+    gonio = vg.measure.Gonioreflectometer([0, 60], range(-80, 81, 4), coherence_um=3)
+    surface = rough(1.0, 2.0, 3, 30.0)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message=".*instead of")
+        data = gonio.measure(surface, IteratedKirchhoff(name, [700], windows=1))
+    assert 1e-4 < data.attrs["error_achieved"] < 1e-2
+    with pytest.warns(VgonioWarning, match="instead of"):
+        gonio.measure(surface, IteratedKirchhoff("perfect", [700], windows=1, points_per_wavelength=3.5))
+
+
 def test_what_has_no_rule_keeps_its_reflections():
     """Silicon needs 17 points per wavelength; films on metal have an impedance, on glass none; needles do not settle;
     a window of one wavelength is no beam. Each is said, and the sum of reflections stays."""

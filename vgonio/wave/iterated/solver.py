@@ -35,6 +35,7 @@ from .second_hits import second_hits
 COARSER = 1.5  # spacing of points in the check of their number, relative to that used
 Progress = Callable[[float], None]
 MOST_BOUNCES = 50
+SPACED = 0.01  # error of the spacing, after sweeps, up to which nothing is said whatever tol is
 METHODS = ("auto", "pairs", "blocks")
 
 
@@ -54,8 +55,9 @@ class IteratedKirchhoff:
         rule (diffraction_left_out), the sum of reflections stays
     tol : the series ends before an order whose mean square field on the surface is below this share of the first's
         (bounces_done), and the sweeps where they change no more than that. The spacing of the points makes an error of
-        its own, error_achieved, with a warning where it is above tol: with sweeps below 1e-3 on smooth rough profiles,
-        without them and on patches 0.2 to 10 %, since edges of shadows fall between the points wherever they are
+        its own, error_achieved: after sweeps 1e-4 to 1e-3 on perfect, 2e-3 to 8e-3 on penetrable rough profiles, with a
+        warning above 1 %; without them and on patches 0.2 to 10 %, since edges of shadows fall between the points
+        wherever they are, with a warning above tol
     window_um : full side of the patch. The amplitude falls as exp(−r²/2ℓ²) with ℓ the smaller of the light's coherence
         length and a sixth of the side. None takes six coherence lengths, in three dimensions at most 20 µm
     windows : at most so many windows, spread over the surface; None takes all of a profile, one patch in 3-D
@@ -71,11 +73,10 @@ class IteratedKirchhoff:
 
     The incident power is what the lit points of the windows receive, so that the energy balance of a few windows holds.
     Profiles (all rows equal) are two-dimensional problems, with TE for s and TM for p; patches carry vector fields and
-    run on an OpenCL device. Results have `brdf_by_bounce`
-    (each order by itself), `brdf_interference` (the sum of their interference terms), on profiles `brdf_diffraction` (what
-    the sweeps change in their coherent sum), which add up to brdf, and the like of energies. Without sweeps the theory
-    is that of single-valued tangent planes: where it is out of range, the attribute `limits` and a
-    warning say so. `scatter` raises InputError, MaterialError and ToleranceError (too many points).
+    run on an OpenCL device. Results have `brdf_by_bounce` (each order by itself), `brdf_interference` (the sum of their
+    interference terms) and on profiles `brdf_diffraction` (what the sweeps change in their coherent sum), which add up
+    to brdf, and the like of energies. Without sweeps the theory is that of single-valued tangent planes: where it is out
+    of range, the attribute `limits` and a warning say so. `scatter` raises InputError, MaterialError and ToleranceError (too many points).
     """
 
     material: str | Material = "Al"
@@ -144,7 +145,8 @@ class IteratedKirchhoff:
             data = data.drop_vars([n for n in data.data_vars if str(n).startswith("energy")])
         else:
             check_series(data, self.tol)
-        check_spacing(error, self.tol, self.per(surface))
+        swept = data.attrs["sweeps_done"] > 0
+        check_spacing(error, max(self.tol, SPACED) if swept else self.tol, self.per(surface))
         data.attrs |= {
             "error_achieved": error,
             "error_estimate": f"largest change of brdf, relative to its maximum, with points {COARSER:g} times wider "
