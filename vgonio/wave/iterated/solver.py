@@ -75,8 +75,9 @@ class IteratedKirchhoff:
     Profiles (all rows equal) are two-dimensional problems, with TE for s and TM for p; patches carry vector fields and
     run on an OpenCL device. Results have `brdf_by_bounce` (each order by itself), `brdf_interference` (the sum of their
     interference terms) and on profiles `brdf_diffraction` (what the sweeps change in their coherent sum), which add up
-    to brdf, and the like of energies. Without sweeps the theory is that of single-valued tangent planes: where it is out
-    of range, the attribute `limits` and a warning say so. `scatter` raises InputError, MaterialError and ToleranceError (too many points).
+    to brdf, and the like of energies. Without sweeps the theory is that of single-valued tangent planes: where it is
+    out of range, the attribute `limits` and a warning say so. `scatter` raises InputError, MaterialError and
+    ToleranceError (too many points).
     """
 
     material: str | Material = "Al"
