@@ -325,7 +325,11 @@ def test_evaluated_at_other_wavelengths():
 def test_foreign_files(tmp_path):
     (tmp_path / "a.json").write_text("{}")
     (tmp_path / "b.json").write_text("{")
-    for name, message in (("a.json", "no fit of vgonio"), ("b.json", "truncated or no JSON"), ("c.json", "no such fit")):
+    for name, message in (
+        ("a.json", "no fit of vgonio"),
+        ("b.json", "truncated or no JSON"),
+        ("c.json", "no such fit"),
+    ):
         with pytest.raises(FileFormatError, match=message):
             open_fit(tmp_path / name)
     with pytest.raises(InputError, match="written as .nc"):

@@ -49,7 +49,7 @@ def needs_llvm():
 
 # ---- the scene in closed form
 def test_irradiance_of_a_parallel_square_on_its_axis():
-    """A square of side 2a at height h over a parallel element: π times four configuration factors C-11 of Howell 2010."""
+    """Side 2a, height h, over a parallel element: π times four configuration factors C-11 (Howell 2010)."""
     a, h = 1.0, 2.0
     x = a / h
     r = np.sqrt(1 + x * x)
