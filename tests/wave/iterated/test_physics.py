@@ -187,7 +187,7 @@ EXTREME = {
     "resonant grating": (vg.surface.sinusoid(0.8, 0.2, (2, 160), 0.02), {"coherence_um": 1.0}, "resonance domain"),
     "touching walls": (lamellar(0.4, 1.0, 0.1, 8, 0.75), {"coherence_um": 1.0}, "apart"),
     "one wavelength": (rough(1.0, 2.0, 0, 8.0), {"coherence_um": 0.1}, "curvature"),
-    "needles": (Heightfield(np.random.default_rng(0).normal(0, 2, (1, 160)), 0.1), {"coherence_um": 2.0}, "curvature"),
+    "needles": (Heightfield(np.random.default_rng(0).normal(0, 2, (1, 60)), 0.1), {"coherence_um": 1.0}, "curvature"),
 }
 
 

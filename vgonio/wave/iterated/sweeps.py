@@ -16,6 +16,7 @@ from ..quadrature import Complex, Floats
 from .equation import Equation
 
 BLOCK = 64  # points that are solved for together
+LOST = 0.3  # mean square change from the second sweep on with which more of them would not settle
 KEPT = 16_000_000  # entries of a matrix up to which it is kept between passes: 256 MB
 
 
@@ -33,7 +34,8 @@ def sweep(
     equation: Equation, incident: tuple[Complex, Complex], start: tuple[Complex, Complex], most: int, tol: float,
     block: int = BLOCK,
 ) -> Swept:  # fmt: skip
-    """At most `most` sweeps, fewer where the mean square change of the field falls to `tol` of the field's.
+    """At most `most` sweeps, fewer where the mean square change of the field falls to `tol` of the field's or where it
+    stays large.
 
     incident : u, v of the light alone, everywhere, (n, t);  start : fields to begin with, (n, t)
     block : points that are solved for together
@@ -50,6 +52,8 @@ def sweep(
             _pass(rows, right, x)
             change = weight @ np.abs(x - before) ** 2 / np.maximum(weight @ np.abs(x) ** 2, 1e-300)
             done += 1
+            if done > 1 and np.all(change > LOST):
+                break
     u, v = equation.fields(x)
     return Swept(u, v, done, change)
 
