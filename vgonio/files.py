@@ -7,11 +7,9 @@ from __future__ import annotations
 
 import json
 import os
-import secrets
 import signal
 import stat
 import threading
-import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -34,7 +32,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     system's reason, where the file cannot be written.
     """
     path = Path(path)
-    temporary = path.parent / f".{secrets.token_hex(8)}.tmp"
+    temporary = path.parent / f".{os.urandom(8).hex()}.tmp"
     try:
         with open(temporary, "wb") as stream:
             yield stream
@@ -125,6 +123,8 @@ def text_of(path: Path, what: str = "text file", most: int = MOST_TEXT, errors: 
 
 def settings_of(path: Path, what: str, missing: str = "") -> dict[str, Any]:
     """The content of a TOML file; FileFormatError where it is none, with the hint `missing` where there is no file."""
+    import tomllib
+
     try:
         text = text_of(path, what, MOST_SETTINGS)
     except FileFormatError as e:

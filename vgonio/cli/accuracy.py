@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import io
-import tempfile
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -57,6 +55,8 @@ def accuracy(
         print_table("", ("case", "solver", "known answer"), [(c.name, c.solver, c.answer) for c in chosen])
         return
     if output is not None:  # found out before the work, not after it
+        import tempfile
+
         with tempfile.TemporaryFile(dir=with_folder(output / "accuracy.csv").parent):
             pass
     with progress_bars() as progress:
@@ -98,6 +98,7 @@ def _rounded(value: Any) -> Any:
 
 
 def _write(found: dict[str, Any], folder: Path) -> None:
+    import csv
     import json
 
     from ..files import written_whole

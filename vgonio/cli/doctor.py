@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import platform
-import shutil
-import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -54,6 +51,8 @@ def _safely(probe: Callable[[], list[Finding]]) -> list[Finding]:
 
 
 def _python() -> list[Finding]:
+    import platform
+
     from .. import __version__
 
     return [
@@ -101,6 +100,8 @@ def _renderer() -> list[Finding]:
 
 def in_subprocess(code: str, seconds: float = 120.0) -> tuple[bool, str]:
     """Run Python code apart from us, since a broken driver ends its process; (worked, last line it printed)."""
+    import subprocess
+
     try:
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=seconds)
     except subprocess.TimeoutExpired:
@@ -190,6 +191,8 @@ def _memory() -> str:
 
 
 def _chromium() -> list[Finding]:
+    import shutil
+
     names = ("chromium", "chromium-browser", "google-chrome", "chrome")
     path = next((p for p in map(shutil.which, names) if p), None)
     return [
