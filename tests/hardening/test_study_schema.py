@@ -57,7 +57,7 @@ GOOD = {
     "a list": study({"light.coherence_um": [10, 20.5]}),
     "a range": study({"surface.generate.seed": {"start": 1, "stop": 20, "step": 1}}),
     "words": study({"material.name": ["Al", "Au"], "wave.theory": ["kirchhoff", "harvey-shack"]}),
-    "lists of angles": study({"light.theta_i_deg": [[0, 30], 60, {"start": 0, "stop": 60, "step": 30}]}),
+    "lists of angles": study({"light.theta_i_deg": [[0, 30, 60], {"start": 0, "stop": 40, "step": 20}]}),
     "tables": study({"light": {"coherence_um": [10, 20]}, "surface": {"generate": {"rms_um": [0.1, 0.2]}}}),
     "a table as a whole": study({"surface.filter": [{"s_um": 2.0}, {"s_um": 4.0}]}),
     "side by side": study({"light.coherence_um": [10, 10], "wave.tol": [1e-3, 1e-2]}, zip=True, title="x"),

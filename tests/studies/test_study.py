@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vgonio.dataset import COORDINATES, VARIABLES
 from vgonio.errors import FileFormatError, InputError
 from vgonio.studies.gathering import swept_dims
 from vgonio.studies.study import content_key, load_study
@@ -71,6 +72,10 @@ def test_a_file_and_its_scene(tmp_path):
         ({"vary": {RMS: [float("nan"), 0.5]}}, "finite.*nan"),
         ({"vary": {RMS: {"start": 0, "stop": float("inf"), "step": 1}}}, "rms_um.*range"),
         ({"vary": {"output.file": ["a.nc", "b.nc"]}}, "does not change what a point computes"),
+        ({"vary": {"light.theta_i_deg": [0, 30]}}, r"axis of each result: give the scene the list.*\[0, 30\]"),
+        ({"vary": {"light.wavelength_nm": {"start": 400, "stop": 500, "step": 50}}}, "give the scene the list"),
+        ({"vary": {"detector": {"theta_o_deg": [[0, 10], 20]}}}, "give the scene the list"),
+        ({"vary": {"light.theta_i_deg": [[0], [0, 30]]}}, "equal length"),
         ({"scene": 3}, "scene.toml"),
         ({"zip": "yes"}, "true or false"),
     ],
@@ -123,6 +128,31 @@ def test_names_of_swept_dims_are_short_and_differ():
     dims, coords = swept_dims(load_study({"scene": SCENE, "vary": vary}))
     assert dims == ("rms_um", "material_name", "generate_seed", "geometric_seed", "theta_i_deg")
     assert coords["rms_um"][2] == {"units": "um", "long_name": RMS}
+
+
+@pytest.mark.parametrize(
+    ("key", "dim"),
+    [
+        ("geometric.rays", "geometric_rays"),
+        ("wave.windows", "wave_windows"),
+        ("wave.fresnel", "wave_fresnel"),
+        ("geometric.max_bounces", "max_bounces"),
+    ],
+)
+def test_no_dim_is_named_as_what_results_hold(key, dim):
+    dims, _ = swept_dims(load_study({"scene": SCENE, "vary": {key: [1]}}) if "wave" not in key else _of_waves(key))
+    assert dims == (dim,)
+    assert dim not in {**COORDINATES, **VARIABLES}
+
+
+def _of_waves(key):
+    values = {"wave.windows": [2, 3], "wave.fresnel": ["half", "local"]}[key]
+    return load_study({"scene": {**SCENE, "wave": {}}, "vary": {key: values}})
+
+
+def test_equal_lists_of_angles_may_vary():
+    vary = {"light.theta_i_deg": [[0, 30], {"start": 10, "stop": 20, "step": 10}], "light.wavelength_nm": [500]}
+    assert study(vary=vary).shape == (2, 1)
 
 
 def test_side_by_side_there_is_one_dim():

@@ -73,6 +73,16 @@ def test_a_sweep_equals_its_points_simulated_one_by_one(study_file):
     xr.testing.assert_equal(again["rays"].to_dataset(), rays)
 
 
+def test_the_number_of_rays_may_vary(study_file):
+    """Results have a variable `rays` too: the swept one goes by its table."""
+    path = study_file('[vary]\n"geometric.rays" = [500, 2000]\n"surface.generate.rms_um" = [0.2]')
+    tree = sweep(path, workers=1)
+    rays = tree["rays"].to_dataset()
+    assert rays["brdf"].dims[:2] == ("geometric_rays", "rms_um")
+    np.testing.assert_array_equal(rays["rays"].isel(rms_um=0, theta_i=0), [500, 2000])
+    assert "geometric_rays" in tree.vgonio.plot_sweep().axes[0].get_xlabel() + str(tree["state"].dims)
+
+
 def test_a_script_without_a_guard_may_sweep(study_file, tmp_path):
     """Workers do not run the caller's script again, as multiprocessing would have them do."""
     path = study_file('[vary]\n"surface.generate.seed" = [1]')

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from ..dataset import COORDINATES, VARIABLES
 from ..errors import InputError, VgonioError
 from .store import Store
 from .stored import read_point, unit
@@ -16,7 +17,8 @@ from .study import Study, content_key
 
 # a name that says too little by itself takes the name of its table along
 VAGUE = {"name", "file", "kind", "format", "theory", "method", "level", "tol", "seed"}
-TAKEN = {"theta_i", "theta_o", "phi_i", "phi_o", "wavelength", "bounce", "cell", "solid_angle", "brdf", "point"}
+# what the results themselves name so: rays, windows, fresnel, …
+TAKEN = {*COORDINATES, *VARIABLES, "point", "state", "reason", "seconds"}
 LARGEST = 4e9  # bytes: beyond it the one dataset is for a computer with more memory, the points are there one by one
 STATES = ("done", "failed", "not computed")
 

@@ -19,6 +19,8 @@ from ..files import require_file, settings_of
 from ..scene import Scene, changed_scene, expand, load_scene
 
 KEYS = ("scene", "title", "zip", "vary")
+# of a scene: a list of them is one point, and an axis of its result
+AXES = ("light.theta_i_deg", "light.wavelength_nm", "detector.theta_o_deg")
 KEPT = {"output", "title"}  # of a scene: not what a point is
 RANGE = {"start", "stop", "step"}
 TRIED = 50  # points looked at for one that is valid, before the study is refused as a whole
@@ -99,8 +101,23 @@ def _vary(table: Any, name: str) -> dict[str, list[Any]]:
             raise InputError(f"{name}: vary {key!r} has to hold finite numbers, got {values}")
         if key.split(".")[0] in KEPT:
             raise InputError(f"{name}: {key!r} does not change what a point computes: points are stored by the sweep")
+        _check_axis(key, values, name)
         found[key] = values
     return found
+
+
+def _check_axis(key: str, values: list[Any], name: str) -> None:
+    """Points with an angle each would be laid out over all angles, empty but for the diagonal."""
+    if key not in AXES or len(values) < 2:
+        return
+    lengths = {len(expand(v)) if isinstance(v, Mapping) else len(v) if isinstance(v, list) else 0 for v in values}
+    if 0 in lengths:
+        raise InputError(
+            f"{name}: vary {key!r}: its values are an axis of each result: give the scene the list, {key} = "
+            f"{json.dumps(values)[:60]}, and do not vary it; lists of equal length may vary, [[0, 30], [0, 60]]"
+        )
+    if len(lengths) > 1:
+        raise InputError(f"{name}: vary {key!r}: lists, which are axes of the results, need equal length, got {values}")
 
 
 def _range(value: Mapping[str, Any]) -> list[Any]:
