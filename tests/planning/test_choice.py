@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 
 import pytest
@@ -11,6 +12,7 @@ import vgonio as vg
 from vgonio.cli import main
 from vgonio.errors import InputError, ToleranceError
 from vgonio.planning.choice import Candidate, _cheapest, _most_accurate
+from vgonio.planning.plans import duration, rounded_up
 
 
 @pytest.fixture(autouse=True)
@@ -153,3 +155,32 @@ def test_a_run_meets_its_time():
     begin = time.process_time()
     vg.simulate(scene(), max_seconds=15)
     assert time.process_time() - begin < 2 * 15
+
+
+@pytest.mark.parametrize("given", [{"max_seconds": 0.5}, {"max_seconds": 1.0, "tol": 1e-3}, {"max_seconds": 1.0}])
+def test_the_time_that_a_refusal_advises_is_enough(given):
+    with pytest.raises(ToleranceError) as refused:
+        vg.plan(scene(), **given)
+    said = str(refused.value)
+    assert "with the fifth kept in hand" in said
+    expected, kept = (float(x) for x in re.search(r"([\d.]+) s expected in all, ([\d.]+) s with", said).groups())
+    assert kept == pytest.approx(1.25 * expected, abs=0.2)
+    advised = float(re.search(r"Allow ([\d.]+) s", said)[1])
+    assert advised >= kept
+    assert vg.plan(scene(), **{**given, "max_seconds": advised}).seconds < advised
+
+
+@pytest.mark.parametrize(
+    ("value", "up"), [(10.02, 11), (10, 10), (0.101, 0.11), (9.91, 10), (129, 130), (3.21e-6, 3.3e-6)]
+)
+def test_advice_is_rounded_up(value, up):
+    assert rounded_up(value) == up
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(7.96, "8.0 s"), (119, "119 s"), (600, "10 min"), (49320, "13.7 h"), (1e6, "12 days"),
+     (325407.1 * 3600, "37 years"), (1e14, "3,200,000 years")],
+)  # fmt: skip
+def test_long_times_are_in_days_and_years(seconds, words):
+    assert duration(seconds) == words

@@ -7,6 +7,7 @@ the time is short, the number of coherence windows.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -19,13 +20,14 @@ from ..scene import Scene
 from ..surface import Heightfield
 from .forecast import Forecast
 from .parts import forecasts, wave_part
-from .plans import duration, in_words, percent
+from .plans import duration, in_words, percent, rounded_up
 
 RAY_TOLERANCES = (0.3, 0.1, 0.05, 0.03, 0.02, 0.01, 0.005, 0.003, 0.002, 0.001)
 WAVE_TOLERANCES = (0.1, 0.03, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6)
 SOME = (0.1, 0.01, 1e-3, 1e-4)  # of them for direct sums, which are seldom the quickest
 OPENCL_TOL = 5e-5  # what single precision is good for
 FEWER = (2, 4, 8, 16, 64)  # of the windows only every so many are taken, where time is short
+SLACK = 1.05  # of the time advised, since the next forecast differs a little
 MARGIN = 1.25  # forecasts are good to a factor of 2: so much less than the time is planned for
 
 
@@ -268,25 +270,31 @@ def _words(c: Candidate) -> str:
 def _needs(found: list[Candidate], rest: float) -> str:
     each = ", ".join(f"{c.part} {duration(c.seconds)} ({_words(c)})" for c in found)
     total = rest + sum(c.seconds for c in found)
-    return f"{each}, all else {duration(rest)}, {duration(total)} in all"
+    with_margin = MARGIN * total
+    kept = f"{math.ceil(10 * with_margin) / 10:.1f} s" if with_margin < 120 else duration(with_margin)
+    return f"{each}, all else {duration(rest)}: {duration(total)} expected in all, {kept} with the fifth kept in hand"
+
+
+def _allow(found: list[Candidate], rest: float) -> str:
+    """A time that suffices, rounded up, in the seconds that `max_seconds` is given in."""
+    enough = rounded_up(SLACK * MARGIN * (rest + sum(c.seconds for c in found)))
+    return f"Allow {enough:.12g} s" + (f" ({duration(enough)})" if enough >= 120 else "")
 
 
 def _refusal(groups: list[list[Candidate]], found: list[Candidate], rest: float, seconds: float, tol: float) -> str:
-    total = MARGIN * (rest + sum(c.seconds for c in found))
     reached = _most_accurate(groups, seconds / MARGIN - rest)
     instead = "nothing at all can be done"
     if reached is not None:
         instead = f"an error of {percent(max(c.error for c in reached))} is reached"
     return (
-        f"{percent(tol)} in {duration(seconds)} cannot be had: expected are {_needs(found, rest)}; in "
-        f"{duration(seconds)} {instead}. Allow {duration(total)}, a larger tol, or ask for fewer angles or wavelengths"
+        f"{percent(tol)} in {duration(seconds)} cannot be had: needed are {_needs(found, rest)}; in "
+        f"{duration(seconds)} {instead}. {_allow(found, rest)}, a larger tol, or ask for fewer angles or wavelengths"
     )
 
 
 def _too_short(groups: list[list[Candidate]], rest: float, seconds: float) -> str:
     found = [_ladder(group)[0] for group in groups]
-    total = MARGIN * (rest + sum(c.seconds for c in found))
     return (
-        f"{duration(seconds)} is too short: expected are at least {_needs(found, rest)}. Allow {duration(total)}, or "
+        f"{duration(seconds)} is too short: needed are at least {_needs(found, rest)}. {_allow(found, rest)}, or "
         "ask for less: fewer angles or wavelengths, no page, one of the theories"
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from ..errors import InputError
 from ..scene import Scene
@@ -28,6 +29,16 @@ def check_output(path: Path, endings: tuple[str, ...], inputs: Iterable[Path] = 
     folder = next(p for p in path.resolve().parents if p.exists())
     if not folder.is_dir() or not os.access(folder, os.W_OK):
         raise InputError(f"output {path} cannot be written: {folder} is not a writable folder")
+
+
+def page_asked(scene: Scene, output: str | os.PathLike[str] | None, report: Any) -> Any:
+    """The page's path where it is asked for apart from the scene: given, or beside another result than the scene's.
+
+    None leaves the scene's own output.report; with it in place, a result elsewhere would overwrite the page of another.
+    """
+    if report is not None or output is None or scene.output.report is None:
+        return report
+    return Path(output).with_suffix(".html")
 
 
 def with_folder(path: Path) -> Path:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
+
+DAY, YEAR = 86_400.0, 31_557_600.0  # seconds
 
 
 @dataclass(frozen=True)
@@ -136,12 +139,20 @@ def figures(seconds: float | None, memory_bytes: float | None, error: float | No
 
 
 def duration(seconds: float | None) -> str:
-    """Two digits in seconds, minutes or hours; empty for None."""
+    """Two digits in seconds, minutes, hours, days or years; empty for None."""
     if seconds is None:
         return ""
     if seconds < 120:
         return f"{seconds:.1f} s" if seconds < 9.95 else f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+    if seconds < 2 * DAY:
+        return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+    return f"{seconds / DAY:.0f} days" if seconds < 2 * YEAR else f"{float(f'{seconds / YEAR:.2g}'):,.0f} years"
+
+
+def rounded_up(value: float) -> float:
+    """The next number of two digits, for advice: what is rounded down would be refused again."""
+    digit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{math.ceil(value / digit * (1 - 1e-12)) * digit:.2g}")
 
 
 def _size(count: float) -> str:

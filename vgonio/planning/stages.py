@@ -9,7 +9,7 @@ from pathlib import Path
 from .. import assembly
 from ..scene import Light, Scene
 from ..surface import Heightfield
-from ..validity import expectations
+from ..validity import expectations, outside_of_the_table
 from .forecast import Forecast
 from .plans import Stage
 from .sizes import FEWEST_FOR_SHIFT, detector_elements, refinement, result_groups
@@ -182,8 +182,9 @@ def _trust_stage(surface: Heightfield, theories: list[str], light: Light) -> Sta
     found = expectations(surface, theories, light)
     if not found:
         return Stage("expected error", False, "no rigorous grating to compare with (a plane, or another theory)")
-    if any(e.outside for e in found):
-        return Stage("expected error", False, "no rigorous grating is like this surface: see the warnings")
+    outside = outside_of_the_table(surface, theories, light)
+    if outside:
+        return Stage("expected error", False, outside)
     most = "; ".join(f"{e.theory} {e.error[1]:.1%}, worst at {e.theta_i_deg:g}°" for e in found)
     return Stage("expected error", True, f"{most}; from rigorous gratings like this surface (docs/trust.md)")
 
