@@ -75,7 +75,7 @@ def expectations(surface: Heightfield, theories: list[str], light: Any) -> list[
 
 
 def rigorous_warnings(surface: Heightfield, theories: list[str], light: Any) -> list[str]:
-    """Theories that are off by more than NOTABLE on rigorous gratings like this surface, and where there are none."""
+    """Theories that are off by more than NOTABLE on rigorous gratings like this surface."""
     from .wave.trust import equivalent_grating
 
     found = expectations(surface, theories, light)
@@ -85,13 +85,21 @@ def rigorous_warnings(surface: Heightfield, theories: list[str], light: Any) -> 
         for e in found
         if e.error[1] > NOTABLE
     ]
-    outside = {line for e in found for line in e.outside}
-    if outside:
-        lines.append(
-            f"rigorous gratings say little about this surface (as a {shape} one, depth {depth:.3g} µm, period "
-            f"{period:.3g} µm): {', '.join(sorted(outside))} is outside of the table (docs/trust.md)"
-        )
     return lines
+
+
+def outside_of_the_table(surface: Heightfield, theories: list[str], light: Any) -> str:
+    """Why rigorous gratings say little about this surface, in words; "" where they do say something."""
+    from .wave.trust import equivalent_grating
+
+    outside = {line for e in expectations(surface, theories, light) for line in e.outside}
+    if not outside:
+        return ""
+    shape, depth, period = equivalent_grating(surface)
+    return (
+        f"no rigorous grating is like this surface (as a {shape} one, depth {depth:.3g} µm, period {period:.3g} µm): "
+        f"{', '.join(sorted(outside))}"
+    )
 
 
 def _steep(surface: Heightfield) -> list[str]:

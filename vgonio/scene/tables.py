@@ -76,7 +76,8 @@ class Surface(Table):
     def _one_source(self) -> Surface:
         if (self.file is None) == (self.generate is None):
             got = "both" if self.file is not None else "neither"
-            raise InputError(f"give either file or generate, got {got}")
+            remedy = ": take one of the two out" if got == "both" else ""
+            raise InputError(f"give either file or generate, got {got}{remedy}")
         if self.generate is not None:
             check_generator(self.generate)
             for key in ("pitch_um", "height_unit"):
