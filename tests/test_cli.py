@@ -152,6 +152,18 @@ def test_simulate_writes_the_result_and_says_where(scene, capsys):
     assert sorted(p.name for p in scene.parent.iterdir()) == ["result.nc", "scene.toml"]
 
 
+def test_another_result_leaves_the_page_of_the_first(scene, capsys):
+    """With -o alone the page that the scene asks for goes beside that result."""
+    text = scene.read_text().split("[output]")[0]
+    scene.write_text(f'{text}\n[output]\nfile = "scene.nc"\nreport = "scene.html"\n')
+    (scene.parent / "scene.html").write_text("of the first")
+    assert main(["simulate", str(scene), "-o", "z.nc", "--set", "geometric.rays=500"]) == 0
+    assert "page: z.html" in capsys.readouterr().out
+    assert (scene.parent / "scene.html").read_text() == "of the first"
+    assert "<html" in (scene.parent / "z.html").read_text()[:500]
+    assert not (scene.parent / "scene.nc").exists()
+
+
 def test_simulate_with_overrides_as_json(scene, capsys):
     arguments = ["simulate", str(scene), "-o", "r.nc", "--json", "--set", "light.theta_i_deg=[20]"]
     assert main([*arguments, "--set", "geometric.rays=500"]) == 0

@@ -20,6 +20,7 @@ from .dataset import versions
 from .errors import InputError
 from .memory import Watch
 from .planning import Plan, check_output, check_outputs, plan_of, with_folder
+from .planning.outputs import page_asked
 from .scene import Scene, load_scene
 
 if TYPE_CHECKING:
@@ -41,7 +42,8 @@ def simulate(
     """Simulate a scene (TOML file, dictionary or Scene) and return its result.
 
     overrides : "table.key=value", as --set of the command line;  progress : called as progress(part, fraction)
-    output, report : where to write, relative to the working directory, instead of the scene's own [output]
+    output, report : where to write, relative to the working directory, instead of the scene's own [output];
+        where a scene asks for a page and `output` alone is given, the page goes beside it, as <output>.html
     max_seconds, tol : the cheapest methods and efforts that meet them, instead of the scene's; without tol the most
         accurate in that time. What was chosen is in the plan, and in the scene that the result holds
 
@@ -56,7 +58,7 @@ def simulate(
     checked = load_scene(scene, overrides)
     check_outputs(checked)
     result_path = _destination(output, checked.output.file, checked, (".nc", ".nc4", ".h5"))
-    page_path = _destination(report, checked.output.report, checked, (".html", ".htm"))
+    page_path = _destination(page_asked(checked, output, report), checked.output.report, checked, (".html", ".htm"))
     run = _Run(progress)
     with run.part("surface"):
         inputs = assembly.gather(checked)

@@ -34,7 +34,9 @@ def simulate(
     report: Annotated[
         Path | None,
         typer.Option(
-            "--report", metavar="PAGE.html", help="Where the page goes, instead of the scene's output.report."
+            "--report",
+            metavar="PAGE.html",
+            help="Where the page goes, instead of the scene's output.report; with -o alone that page is RESULT.html.",
         ),
     ] = None,
     overrides: Set = None,
@@ -53,6 +55,7 @@ def simulate(
 
     Example: vgonio simulate scene.toml -o result.nc --report result.html --set geometric.rays=100000
     """
+    from ..planning.outputs import page_asked
     from ..scene import load_scene
     from ..simulation import simulate as run
 
@@ -70,7 +73,8 @@ def simulate(
         _tell(tree)
         for key, value in json.loads(tree.attrs["plan"]).get("chosen", {}).items():
             print(f"chosen: {key} = {value}")
-        for what, asked, named in (("result", output, checked.output.file), ("page", report, checked.output.report)):
+        page = page_asked(checked, output, report)
+        for what, asked, named in (("result", output, checked.output.file), ("page", page, checked.output.report)):
             if asked is not None or named is not None:
                 print(f"{what}: {asked if asked is not None else checked.resolve(str(named))}")
 
@@ -177,7 +181,10 @@ def init(
     text = first + text
     with written_whole(scene) as stream:
         stream.write(text.encode())
-    say(f"wrote {scene}: edit it, then `vgonio plan {scene}` and `vgonio simulate {scene}`")
+    import shlex
+
+    typed = shlex.quote(str(scene))
+    say(f"wrote {scene}: edit it, then `vgonio plan {typed}` and `vgonio simulate {typed}`")
 
 
 def _write_schema(folder: Path) -> str:
