@@ -99,6 +99,16 @@ def test_compare_says_how_much_is_explained(small, tmp_path, capsys):
     assert (tmp_path / "f" / "explained.png").stat().st_size > 5000
 
 
+def test_compare_says_where_there_is_no_shift_to_explain(small, tmp_path, capsys):
+    data = formats.read(small)
+    grid = data.theta_i.values, data.theta_o.values, data.wavelength.values
+    formats.write(models.evaluate("clausen-2022", *grid, alpha=0.364, h=0.0, w=3.0), tmp_path / "flat.json")
+    assert run("compare", small, tmp_path / "flat.json", "--json", "--quiet") == 0
+    (row,) = (r for r in json.loads(capsys.readouterr().out) if r["quantity"].startswith("explained share"))
+    assert row["value"] is None
+    assert row["unit"].startswith("no significant shift to explain")
+
+
 @pytest.mark.parametrize(
     "arguments, words",
     [

@@ -217,11 +217,27 @@ def test_noise_explains_nothing(shifted):
         try:
             found = explained_shares(noisy(flat, seed), {"x": noisy(shifted, 50 + seed)}, p=1.0)
         except InputError as e:
-            assert "nothing" in str(e)
+            assert "no significant shift to explain" in str(e)
             refused += 1
             continue
         assert float(found.sel(explanation="x").significance) < 3
     assert refused >= 1
+
+
+@pytest.mark.parametrize("height", [0.0, 2e-11, 1e-7])
+def test_a_share_of_rounding_is_no_number(shifted, height):
+    """Slopes of 10⁻¹¹ nm⁻¹ in exact data are far beyond their errors, and no shift at all."""
+    grid = shifted.theta_i.values, shifted.theta_o.values, shifted.wavelength.values
+    flat = models.evaluate("clausen-2022", *grid, alpha=0.4, h=height, w=3.0)
+    with pytest.raises(InputError, match="no significant shift to explain"):
+        explained_shares(noisy(flat, 0, 1e-12), {"x": shifted}, p=1.0)
+
+
+def test_a_small_shift_beyond_its_errors_is_still_explained(shifted):
+    grid = shifted.theta_i.values, shifted.theta_o.values, shifted.wavelength.values
+    small = models.evaluate("clausen-2022", *grid, alpha=0.4, h=1e-5, w=3.0)
+    found = explained_shares(noisy(small, 0, 1e-6), {"x": noisy(small, 1, 1e-6)}, p=1.0)
+    assert float(found.share.sel(explanation="x")) == pytest.approx(1, abs=0.02)
 
 
 def test_what_cannot_be_fitted_is_left_out(shifted):

@@ -16,6 +16,7 @@ from ..models.clausen_2022 import WAVELENGTH_N_NM
 from .exponent import FEWEST_FOR_P
 from .metrics import SAME_ANGLE_DEG, detector_dim
 from .shift import fit_global_shift, fit_local_shift
+from .significance import NO_SHIFT, SIGMAS, SMALLEST_NM
 
 Floats = NDArray[np.float64]
 SAMPLES = 400  # bootstrap draws: their standard deviation is then known to 3.5 %
@@ -50,11 +51,13 @@ def explained_shares(
     Returns over `explanation` (the names, then "global shift"): share, share_stderr (bootstrap over angles of
     incidence, over spectra where there are fewer than five), chi2_reduced, slopes (how many), significance =
     share/share_stderr; `kind`. What could not be fitted is left out and named in attrs["left_out"].
-    Raises InputError where the measurement has no usable spectra or no shift that exceeds its own errors.
+    Raises InputError where the measurement has no usable spectra, and where it has no shift to explain, as a share of
+    nothing is no number: slopes below 10⁻⁶ nm⁻¹, none beyond 3 σ, or Σ m²/σ² within 3 σ of what errors alone give.
     """
     if p == "fit" and measured.sizes["wavelength"] < FEWEST_FOR_P:
         p = 1.0
     own = fit_local_shift(measured, material, p, wavelength_n)
+    _require_shift(own)
     dim = detector_dim(measured)
     left_out: dict[str, str] = {}
     rows: list[dict[str, Any]] = []
@@ -79,6 +82,27 @@ def explained_shares(
     if not rows:
         raise InputError(f"nothing explains the shift: {'; '.join(f'{k}: {v}' for k, v in left_out.items())}")
     return _assembled(rows, dim, left_out)
+
+
+def _require_shift(own: xr.Dataset) -> None:
+    """Raise InputError where all slopes together are rounding, or what their errors give by chance."""
+    m, sigma = own["slope"].values, own["slope_stderr"].values
+    known = np.isfinite(m) & np.isfinite(sigma) & (sigma > 0)
+    if not known.any():
+        return  # what is missing is said where slopes are counted
+    m, sigma = m[known], _floored(sigma[known])
+    w = 1 / sigma**2
+    height = float(np.sqrt(np.sum(w * m**2) / np.sum(w)))
+    # χ² of n slopes scatters by √(2n) about n
+    excess = float(np.sum(w * m**2 - 1) / np.sqrt(2 * m.size))
+    if height < SMALLEST_NM or excess < SIGMAS or float(np.max(np.abs(m) / sigma)) < SIGMAS:
+        why = f"below {SMALLEST_NM:g} nm⁻¹" if height < SMALLEST_NM else "no more than their errors give"
+        raise InputError(f"{NO_SHIFT} to explain: the slopes of the reference are {height:.2g} nm⁻¹, {why}")
+
+
+def _floored(sigma: Floats) -> Floats:
+    """A slope whose scatter is small by luck must not rule."""
+    return np.maximum(sigma, 0.1 * np.median(sigma))
 
 
 def _assembled(rows: list[dict[str, Any]], dim: str, left_out: dict[str, str]) -> xr.Dataset:
@@ -117,14 +141,13 @@ def _share(own: xr.Dataset, slope: xr.DataArray, stderr: xr.DataArray, parameter
         )
     row = np.broadcast_to(np.arange(m.shape[0])[:, None], m.shape)[known]
     m, sigma, m_k, sigma_k = m[known], sigma[known], m_k[known], np.nan_to_num(sigma_k[known])
-    # a slope whose scatter is small by luck must not rule
-    sigma = np.maximum(sigma, 0.1 * np.median(sigma))
+    sigma = _floored(sigma)
     w = 1 / sigma**2
     freedom = parameters / m.size
     terms = np.stack([w * m**2 - 1, w * ((m - m_k) ** 2 - sigma_k**2) - (1 - freedom)], axis=1)
     total = terms.sum(axis=0)
     if total[0] <= 0:
-        raise InputError("the measured shift does not exceed its own errors: there is nothing to explain")
+        raise InputError(f"{NO_SHIFT} to explain: the slopes in common do not exceed their errors")
     share = 1 - total[1] / total[0]
     error = _bootstrap(terms, row, seed)
     return {
