@@ -18,6 +18,7 @@ from vgonio import report
 from vgonio.compare.colour import delta_e_2000
 from vgonio.errors import InputError
 from vgonio.measure.surface_summary import surface_dataset
+from vgonio.report.colour_sections import colour_differences
 from vgonio.report.content import Content
 from vgonio.report.sections import compose
 from vgonio.report.style import NOTEBOOK_DPI
@@ -79,6 +80,21 @@ def test_delta_e_against_the_last_or_another(full_result, wave_result, measured_
         wave_result.vgonio.plot_delta_e()
 
 
+def test_the_colour_of_noise_does_not_count(wave_result, measured_result):
+    """By default the number of the verdict: colour alone, without directions that are dark in one of the two."""
+    dark = wave_result.theta_o > 30
+    noise = 1e-8 * np.random.default_rng(0).random(wave_result.brdf.shape)
+    dimmed = wave_result.assign(brdf=wave_result.brdf.where(~dark, noise))
+    tree = xr.DataTree.from_dict({"waves": dimmed, "measured": measured_result})
+    text = tree.vgonio.plot_delta_e().axes[0].get_xlabel()
+    verdict = colour_differences(Content.of(tree))["waves and measured"]["normalised"]
+    assert f"mean {float(verdict.mean()):.3g}," in text
+    everywhere = delta_e_2000(measured_result, dimmed, "normalised")
+    assert float(everywhere.mean()) > 2 * float(verdict.mean())
+    assert np.isnan(verdict.where(dark, drop=True)).all()
+    assert f"left out: {int(np.isnan(verdict).sum())} of {verdict.size} pairs" in text
+
+
 def test_hemisphere(hemisphere_rays, hemisphere_waves):
     assert len(hemisphere_waves.vgonio.plot_hemisphere().axes) >= 2
     assert hemisphere_rays.vgonio.plot_decomposition().axes[0].get_title(loc="left").startswith("θᵢ = 30°")
@@ -92,7 +108,7 @@ def test_what_does_not_apply_is_refused_in_one_line(full_result, wave_result):
     refused = {
         "plot_hemisphere": "use plot_lobes",
         "plot_mueller": "polarised = true",
-        "plot_orders": "'efficiency', which 'orders' does not hold",
+        "plot_orders": r"of gratings, as vg\.wave\.Kirchhoff.*\.orders\(surface",
         "plot_sweep": "use plot_lobes",
         "plot_ways": "statistics = true",
     }

@@ -25,20 +25,13 @@ def colour_differences(content: Content) -> dict[str, dict[str, xr.DataArray]]:
 
     Of the colour alone ("normalised") only where both results catch light: noise has colours too.
     """
-    from ..compare.colour import delta_e_2000
-    from ..compare.metrics import align
-
     found: dict[str, dict[str, xr.DataArray]] = {}
     usable = [name for name, data in content.results.items() if q.spectral(data)]
     for a, b in list(itertools.combinations(usable, 2))[:MOST_PAIRS]:
         reference, predicted = content.results[b], content.results[a]
         for scale in ("normalised", "reference-Y50"):
             try:
-                difference = delta_e_2000(reference, predicted, scale=scale)
-                if scale == "normalised":
-                    seen = [q.bright_spectra(d) for d in align(reference, predicted)]
-                    difference = difference.where((seen[0] & seen[1]).drop_vars("solid_angle", errors="ignore"))
-                found.setdefault(f"{a} and {b}", {})[scale] = difference
+                found.setdefault(f"{a} and {b}", {})[scale] = q.colour_difference(reference, predicted, scale)
             except InputError:
                 continue
     return {key: maps for key, maps in found.items() if maps}

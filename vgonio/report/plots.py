@@ -144,7 +144,10 @@ def plot_orders(result: xr.Dataset | dict[str, xr.Dataset], wavelength_nm: float
     found = result if isinstance(result, dict) else {"orders": result}
     for name, data in found.items():
         if "efficiency" not in data:
-            raise InputError(f"plot_orders needs the variable 'efficiency', which {name!r} does not hold: use orders")
+            raise InputError(
+                f"plot_orders needs the variable 'efficiency', which {name!r} does not hold: it is of gratings, as "
+                'vg.wave.Kirchhoff("Al", 550).orders(surface, theta_i_deg) gives it'
+            )
     return orders(found, wavelength_nm)
 
 
@@ -178,14 +181,16 @@ def plot_rgb(result: Result, exposure: float | None = None, chromatic: bool = Fa
     return rgb_maps(maps, {name: q.title(name, data) for name, data in plane.items()})
 
 
-def plot_delta_e(result: Result, reference: Result | None = None, scale: str = "reference-Y50") -> Figure:
+def plot_delta_e(result: Result, reference: Result | None = None, scale: str = "normalised") -> Figure:
     """ΔE₀₀ of every result against a reference over the pairs of directions; about 1 is just noticeable.
 
     reference : another result, by default the last of this one (the measurement where there is one)
-    scale : "reference-Y50", "absolute" or "normalised", see `vg.compare.delta_e_2000`
-    Raises InputError where there is nothing to compare with, for a hemisphere, and for fewer than three wavelengths.
+    scale : "normalised", the colour alone, as in the verdict, where both results exceed 10⁻³ of their largest BRDF
+        (what is left out stands in the figure); "reference-Y50" or "absolute", brightness too and everywhere, see
+        `vg.compare.delta_e_2000`
+    Raises InputError where there is nothing to compare with, for a hemisphere, for fewer than three wavelengths, and
+    for the colour alone without 600 nm among them.
     """
-    from ..compare.colour import delta_e_2000
     from . import quantities as q
     from .figures import delta_e_maps
 
@@ -198,7 +203,7 @@ def plot_delta_e(result: Result, reference: Result | None = None, scale: str = "
     if not plane:
         raise InputError("plot_delta_e compares results and this is one alone: give another as reference")
     pairs = {f"{q.title(n, d)} and {q.in_words(name, against)}": d for n, d in plane.items()}
-    return delta_e_maps({words: delta_e_2000(against, data, scale) for words, data in pairs.items()})
+    return delta_e_maps({words: q.colour_difference(against, data, scale) for words, data in pairs.items()})
 
 
 def plot_shift(result: Result, material: Any = None) -> Figure:

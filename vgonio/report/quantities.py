@@ -125,6 +125,22 @@ def bright_spectra(data: xr.Dataset) -> xr.DataArray:
     return bright(data).mean("wavelength") >= 0.5
 
 
+def colour_difference(reference: xr.Dataset, predicted: xr.Dataset, scale: str) -> xr.DataArray:
+    """`compare.delta_e_2000`; of the colour alone, "normalised", only where both catch light.
+
+    attrs["dark"] counts the pairs of directions left out for that. Raises InputError as `delta_e_2000`.
+    """
+    from ..compare.colour import delta_e_2000
+    from ..compare.metrics import align
+
+    difference = delta_e_2000(reference, predicted, scale)
+    if scale != "normalised":
+        return difference
+    seen = [bright_spectra(d) for d in align(reference, predicted)]
+    both = (seen[0] & seen[1]).drop_vars("solid_angle", errors="ignore")
+    return difference.where(both).assign_attrs(difference.attrs | {"dark": int((~both).sum())})
+
+
 def relative_error(data: xr.Dataset) -> float:
     """Median of the relative standard error over the bright directions; NaN where no error is known."""
     if "brdf_stderr" not in data:

@@ -212,7 +212,9 @@ def delta_e_maps(maps: Mapping[str, xr.DataArray]) -> Figure:
         values = np.ma.masked_invalid(data.values)
         mesh = squares(ax, data, values, np.isnan(data.values), cmap="viridis", vmin=0, vmax=top)
         ax.set_title(name)
-        ax.set_xlabel(f"θₒ (°)   mean {float(data.mean()):.3g}, largest {float(data.max()):.3g}")
+        dark = data.attrs.get("dark", 0)
+        left_out = f"\nleft out: {dark} of {data.size} pairs, below 10⁻³ of the peak" if dark else ""
+        ax.set_xlabel(f"θₒ (°)   mean {float(data.mean()):.3g}, largest {float(data.max()):.3g}{left_out}")
     axes[0].set_ylabel("θᵢ (°)")
     bar = figure.colorbar(mesh, ax=axes, shrink=0.9, pad=0.015, aspect=24, extend="max")
     bar.set_label("ΔE₀₀")
