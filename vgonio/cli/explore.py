@@ -30,9 +30,9 @@ def explore(
     from .. import measure
     from ..planning import check_output, with_folder
 
-    tree = measure.open(result)
     path = output if output is not None else result.with_name(f"{result.stem}_explore.html")
     check_output(path, (".html", ".htm"), [result])
+    tree = measure.open(result)
     from ..report.explorer import explorer_page
 
     explorer_page(tree, with_folder(path))

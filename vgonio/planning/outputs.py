@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -19,16 +20,34 @@ def check_outputs(scene: Scene) -> None:
 
 
 def check_output(path: Path, endings: tuple[str, ...], inputs: Iterable[Path] = ()) -> None:
-    """Raise InputError unless `path` has one of the endings and its folder is, or can be made, writable."""
+    """Raise InputError unless `path` has one of the endings and its folder is, or can be made, writable.
+
+    Where the system says so only when asked to write, as in /proc, a file without a name is written and gone at once.
+    Of the folders one may be missing, which is made when the result is written; more are taken for a slip.
+    """
     if path.suffix.lower() not in endings:
         raise InputError(f"output {path.name!r}: the name has to end in {' or '.join(endings)}")
     if path.is_dir():
         raise InputError(f"output {path} is a folder")
     if any(path.resolve() == other.resolve() for other in inputs):
         raise InputError(f"output {path} would overwrite an input of the scene")
-    folder = next(p for p in path.resolve().parents if p.exists())
+    parent = path.resolve().parent
+    folder = next(p for p in (parent, *parent.parents) if p.exists())
     if not folder.is_dir() or not os.access(folder, os.W_OK):
         raise InputError(f"output {path} cannot be written: {folder} is not a writable folder")
+    if folder not in (parent, parent.parent):
+        raise InputError(
+            f"output {path}: {parent.parent} is not there; one new folder is made, not several: make it first"
+        )
+    _try_writing(path, folder)
+
+
+def _try_writing(path: Path, folder: Path) -> None:
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as e:
+        raise InputError(f"output {path} cannot be written: {folder} takes no files ({e.strerror or e})") from None
 
 
 def page_asked(scene: Scene, output: str | os.PathLike[str] | None, report: Any) -> Any:
