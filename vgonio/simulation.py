@@ -38,6 +38,7 @@ def simulate(
     report: str | os.PathLike[str] | None = None,
     max_seconds: float | None = None,
     tol: float | None = None,
+    planned: Callable[[Plan], None] | None = None,
 ) -> xr.DataTree:
     """Simulate a scene (TOML file, dictionary or Scene) and return its result.
 
@@ -46,6 +47,7 @@ def simulate(
         where a scene asks for a page and `output` alone is given, the page goes beside it, as <output>.html
     max_seconds, tol : the cheapest methods and efforts that meet them, instead of the scene's; without tol the most
         accurate in that time. What was chosen is in the plan, and in the scene that the result holds
+    planned : called with the plan before the work begins
 
     The tree has the groups that were made: surface, rays, waves (waves_<theory> for further theories), measured,
     comparison; its attributes hold the scene, the plan with what was expected of each part, the provenance, and what
@@ -63,6 +65,8 @@ def simulate(
     with run.part("surface"):
         inputs = assembly.gather(checked)
     checked, plan = plan_of(checked, inputs, max_seconds, tol)
+    if planned is not None:
+        planned(plan)
     tree = xr.DataTree()  # without a name: a title may hold what a name must not
     tree.attrs = {
         "title": checked.name,

@@ -184,3 +184,83 @@ def test_advice_is_rounded_up(value, up):
 )  # fmt: skip
 def test_long_times_are_in_days_and_years(seconds, words):
     assert duration(seconds) == words
+
+
+# ---- what no computer gives
+RAYS_ALONE = {"wave": None, "geometric": {"estimator": "binning"}}
+
+
+@pytest.mark.parametrize("tol", [1e-30, 1e-13])
+def test_waves_below_double_precision_are_refused(tol):
+    with pytest.raises(ToleranceError, match="the waves reach 1e-10 % at best .* take tol = 1e-12"):
+        vg.plan(scene(geometric=None), tol=tol)
+    with pytest.raises(ToleranceError, match="double precision gives 1e-12 at best"):
+        vg.plan(scene(wave={"tol": tol}))
+
+
+@pytest.mark.parametrize("tol", [1e-30, 1e-12, 1e-6])
+def test_numbers_of_rays_that_cannot_be_had_are_refused(tol):
+    """And what the refusal advises is accepted, with no more than 10¹¹ rays."""
+    with pytest.raises(ToleranceError, match="the rays reach .* at best") as refused:
+        vg.plan(scene(**RAYS_ALONE), tol=tol)
+    advised = float(re.search(r"take tol = ([\d.e-]+)", str(refused.value))[1])
+    assert tol < advised < 1e-3
+    assert vg.plan(scene(**RAYS_ALONE), tol=advised).chosen["geometric.rays"] * 2 <= 10**11
+
+
+def test_single_precision_promises_no_more_than_it_gives():
+    assert vg.plan(scene(geometric=None, wave={"tol": 1e-9, "method": "opencl"})).error == 1e-5
+
+
+def test_at_equal_cost_the_tolerance_is_the_one_asked_for():
+    rays = [Candidate("rays", {"geometric.tol": t}, 1.0, t) for t in (0.3, 0.05, 0.001)]
+    assert _cheapest([rays], 0.05) == [rays[1]]
+
+
+class FewRays:
+    """Instead of a simulation: a result of rays with an error of 0.0042 and a plan of two minutes."""
+
+    def __init__(self, monkeypatch, seconds: float = 120.0) -> None:
+        from vgonio import simulation
+
+        monkeypatch.setattr(simulation, "simulate", self)
+        self.seconds = seconds
+
+    def __call__(self, scene, planned, **given):
+        import xarray as xr
+
+        from vgonio.planning import Plan, Stage
+
+        made = Plan("t", (Stage("trace", True, "", seconds=self.seconds),), machine="here")
+        planned(made)
+        tree = xr.DataTree()
+        tree["rays"] = xr.DataTree(xr.Dataset(attrs={"tolerance_asked": 0.001, "error_achieved": 0.0042}))
+        tree.attrs = {"title": "t", "plan": made.to_json(), "seconds": '{"rays": 1.0}'}
+        return tree
+
+
+@pytest.mark.parametrize(
+    ("options", "warned"),
+    [
+        (["--tol", "0.05", "--max-seconds", "20"], False),
+        (["--max-seconds", "20"], False),
+        (["--tol", "0.004"], True),
+        (["--set", "geometric.tol=0.05"], False),
+        (["--set", "geometric.tol=0.001"], True),
+    ],
+)
+def test_the_rays_warn_only_where_the_user_asked_for_less(monkeypatch, tmp_path, capsys, options, warned):
+    FewRays(monkeypatch)
+    path = tmp_path / "scene.toml"
+    main(["init", str(path)])
+    assert main(["simulate", str(path), "-o", str(tmp_path / "a.nc"), *options]) == 0
+    assert ("raise geometric.rays" in capsys.readouterr().err) == warned
+
+
+@pytest.mark.parametrize(("seconds", "quiet", "said"), [(120, [], True), (59, [], False), (120, ["--quiet"], False)])
+def test_long_runs_say_first_how_long(monkeypatch, tmp_path, capsys, seconds, quiet, said):
+    FewRays(monkeypatch, seconds)
+    path = tmp_path / "scene.toml"
+    main(["init", str(path)])
+    assert main(["simulate", str(path), "-o", str(tmp_path / "a.nc"), *quiet]) == 0
+    assert ("expected time: 2 min (here)" in capsys.readouterr().err) == said

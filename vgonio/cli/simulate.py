@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ..errors import InputError
 from ..files import written_whole
-from .common import Json, Quiet, Set, Threads, print_json, print_table, progress_bars, say
+from .common import Json, Quiet, Set, Threads, is_quiet, print_json, print_table, progress_bars, say
+
+if TYPE_CHECKING:
+    from ..planning import Plan
 
 MaxSeconds = Annotated[
     float | None, typer.Option("--max-seconds", metavar="S", help="Choose methods that take no longer, in all.")
@@ -19,6 +23,7 @@ Tol = Annotated[
     float | None,
     typer.Option("--tol", metavar="T", help="Choose methods with no larger error, of rays and waves, as 0.01."),
 ]
+LONG = 60.0  # seconds beyond which a run says first what it is expected to take
 PIPED = 118  # characters of the plan where nobody reads it on a terminal
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).", show_default=False)]
 
@@ -65,8 +70,11 @@ def simulate(
             f"{scene}: nowhere to write to: give -o RESULT.nc, --report PAGE.html or [output] in the scene"
         )
     with progress_bars() as progress:
-        tree = run(checked, progress=progress, output=output, report=report, max_seconds=max_seconds, tol=tol)
-    _warn([*json.loads(tree.attrs["plan"])["warnings"], *_missed(tree)])
+        where: dict[str, Any] = {"output": output, "report": report}
+        tree = run(checked, progress=progress, max_seconds=max_seconds, tol=tol, planned=_say_long, **where)
+    if max_seconds is None and tol is None and checked.geometric is not None:
+        tol = checked.geometric.tol
+    _warn([*json.loads(tree.attrs["plan"])["warnings"], *_missed(tree, tol)])
     if as_json:
         print_json({"title": tree.attrs["title"], "parts": _parts(tree)})
     elif not quiet:
@@ -86,11 +94,19 @@ def _tell(tree: Any) -> None:
     print_table("", columns, [list(r.values()) for r in _parts(tree)])
 
 
-def _missed(tree: Any) -> list[str]:
-    """A line where the rays, a cap, did not suffice for the tolerance; the wave solver warns by itself."""
-    attrs = tree["rays"].attrs if "rays" in tree.children else {}
-    asked, achieved = attrs.get("tolerance_asked"), attrs.get("error_achieved")
-    if not isinstance(asked, float) or not isinstance(achieved, float) or achieved <= asked:
+def _say_long(made: Plan) -> None:
+    """How long a long run is expected to take, before it begins."""
+    from ..planning.plans import duration
+
+    if made.seconds > LONG and not is_quiet():
+        print(f"expected time: {duration(made.seconds)} ({made.machine})", file=sys.stderr)
+
+
+def _missed(tree: Any, asked: float | None) -> list[str]:
+    """A line where the rays, a cap, did not suffice for the tolerance that the user asked for; the wave solver warns
+    by itself."""
+    achieved = tree["rays"].attrs.get("error_achieved") if "rays" in tree.children else None
+    if asked is None or not isinstance(achieved, float) or achieved <= asked:
         return []
     return [f"rays: error {achieved:.2g} instead of the {asked:g} asked for: raise geometric.rays"]
 

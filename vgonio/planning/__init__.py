@@ -12,9 +12,11 @@ from typing import Any
 
 from .. import assembly
 from ..accuracy.calibrating import calibration
+from ..errors import ToleranceError
 from ..scene import Scene, load_scene
 from . import stages
 from .cautions import warnings_of
+from .forecast import LEAST_WAVE_TOL
 from .outputs import check_output, check_outputs, with_folder
 from .parts import forecasts
 from .plans import Plan, Stage
@@ -57,6 +59,9 @@ def plan_of(
     scene: Scene, inputs: assembly.Inputs, max_seconds: float | None = None, tol: float | None = None
 ) -> tuple[Scene, Plan]:
     """A checked scene whose inputs were read already, with what was chosen for time and tolerance, and its plan."""
+    if scene.wave is not None and scene.wave.tol < LEAST_WAVE_TOL:
+        least = f"double precision gives {LEAST_WAVE_TOL:g} at best: take wave.tol = {LEAST_WAVE_TOL:g} or more"
+        raise ToleranceError(f"wave.tol = {scene.wave.tol:g} cannot be met: {least}")
     on = calibration()
     chosen = None
     if max_seconds is not None or tol is not None:

@@ -18,13 +18,14 @@ from ..accuracy.calibrating import Calibration
 from ..errors import InputError, ToleranceError, relative_tolerance
 from ..scene import Scene
 from ..surface import Heightfield
-from .forecast import Forecast
+from .forecast import LEAST_WAVE_TOL, Forecast
 from .parts import forecasts, wave_part
 from .plans import duration, in_words, percent, rounded_up
 
 RAY_TOLERANCES = (0.3, 0.1, 0.05, 0.03, 0.02, 0.01, 0.005, 0.003, 0.002, 0.001)
 WAVE_TOLERANCES = (0.1, 0.03, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6)
 SOME = (0.1, 0.01, 1e-3, 1e-4)  # of them for direct sums, which are seldom the quickest
+MOST_TRACED = 10**11  # rays at all angles together: hours to days
 OPENCL_TOL = 5e-5  # what single precision is good for
 FEWER = (2, 4, 8, 16, 64)  # of the windows only every so many are taken, where time is short
 SLACK = 1.05  # of the time advised, since the next forecast differs a little
@@ -133,21 +134,25 @@ def _ray_candidates(scene: Scene, surface: Heightfield, on: Calibration, tol: fl
     narrow = gonio.detector.kind == "in-plane" and not gonio.incoming.divergence_deg
     estimators = ("facets", "binning") if asked.estimator == "auto" and narrow else (asked.estimator,)
     tolerances = sorted({*RAY_TOLERANCES, *([tol] if tol else [])}, reverse=True)
+    most = MOST_TRACED // len(gonio.incoming.theta_deg)
     for estimator in estimators:
         solver = replace(assembly.rays(scene), estimator=estimator)
         found = forecasts_of_tolerances(
-            solver, surface, gonio.incoming, gonio.detector, on.speeds, on.threads, tolerances
+            solver, surface, gonio.incoming, gonio.detector, on.speeds, on.threads, tolerances, most
         )
         for tolerance, (wanted, f) in zip(tolerances, found):
-            settings = {"geometric.tol": tolerance, "geometric.rays": wanted.rays, "geometric.estimator": estimator}
-            yield Candidate("rays", settings, f.seconds, tolerance)
+            # where so many rays cannot be had, the error is what the most give
+            short = wanted.rays == most and (f.error or 0.0) > tolerance
+            error = rounded_up(f.error or 0.0) if short else tolerance
+            settings = {"geometric.tol": error, "geometric.rays": wanted.rays, "geometric.estimator": estimator}
+            yield Candidate("rays", settings, f.seconds, error)
 
 
 def _wave_candidates(scene: Scene, surface: Heightfield, on: Calibration, tol: float | None) -> Iterator[Candidate]:
     assert scene.wave is not None
     scalar = set(scene.wave.theory) - {"full-wave", "iterated-kirchhoff"}
     methods = ("nufft", "opencl", "reference") if scene.wave.method == "auto" and scalar else (scene.wave.method,)
-    tolerances = sorted({*WAVE_TOLERANCES, *([tol] if tol else [])}, reverse=True)
+    tolerances = sorted({*WAVE_TOLERANCES, *([max(tol, LEAST_WAVE_TOL)] if tol else [])}, reverse=True)
     for method in methods:
         few = method != "nufft" and len(methods) > 1
         for tolerance in [t for t in tolerances if not few or t in SOME or t == tol]:
@@ -217,9 +222,10 @@ def _cheapest(groups: list[list[Candidate]], tol: float, speckled: bool = False)
             best = min(group, key=lambda c: c.error)
             raise ToleranceError(
                 f"tol = {tol:g} cannot be met: the {best.part} reach {percent(best.error)} at best "
-                f"({_words(best)}, {duration(best.seconds)}): take tol = {best.error:.2g}, or another method or theory"
+                f"({_words(best)}, {duration(best.seconds)}): take tol = {rounded_up(best.error):g}, or another method "
+                "or theory"
             )
-        found.append(min(fits, key=lambda c: (c.seconds, c.error)))
+        found.append(min(fits, key=lambda c: (c.seconds, -c.error)))  # at equal cost what was asked for
     return found
 
 

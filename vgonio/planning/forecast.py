@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 MB = 1e6
+LEAST_WAVE_TOL = 1e-12  # below, double precision decides: transforms reach 1e-13, and the sums of windows more
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from ..accuracy.calibrating import Calibration
 from ..accuracy.speeds import Speeds
 from ..scene import Scene
 from ..surface import Heightfield
-from .forecast import MB, Forecast
+from .forecast import LEAST_WAVE_TOL, MB, Forecast
 from .sizes import FEWEST_FOR_SHIFT, detector_elements, result_groups
 
 # in units of the time that a point of a surface takes for its first phase (`Speeds.phase`), measured beside it
@@ -104,7 +104,7 @@ def wave_part(scene: Scene, surface: Heightfield, theory: str, speeds: Speeds) -
         # for large systems the factorisation is what counts, and its speed was measured by itself
         flops = FLOPS * expected.price.unknowns**3 * expected.windows * len(solver.wavelength_nm)
         seconds = max(expected.seconds * speeds.kernel, flops * speeds.flop)
-        return Forecast(seconds, expected.price.bytes, solver.tol, 1 / np.sqrt(expected.windows))
+        return Forecast(seconds, expected.price.bytes, max(solver.tol, LEAST_WAVE_TOL), 1 / np.sqrt(expected.windows))
     if isinstance(solver, IteratedKirchhoff):
         from ..wave.iterated.forecast import counts
 

@@ -62,16 +62,16 @@ def ray_forecast(
 
 def forecasts_of_tolerances(
     solver: RayOptics, surface: Heightfield, incoming: Incoming, detector: Detector, speeds: Speeds, threads: int,
-    tolerances: Sequence[float],
+    tolerances: Sequence[float], most: int = MOST_RAYS,
 ) -> list[tuple[RayOptics, Forecast]]:  # fmt: skip
-    """The solver for each of the tolerances, with the rays that it needs as its cap, and its forecast; one look."""
+    """For each tolerance the solver, with the rays that it needs (at most so many) as its cap, and its forecast."""
     looked = look(replace(solver, tol=min(tolerances), rays=LOOK), surface, incoming, detector)
     angles = [_angle(surface, incoming, i, detector) for i in range(len(incoming.theta_deg))]
     found = []
     for tol in tolerances:
-        free = replace(solver, tol=tol, rays=MOST_RAYS)
+        free = replace(solver, tol=tol, rays=most)
         rays, _ = looked.needed(free, len(incoming.theta_deg))
-        wanted = replace(free, rays=_round(ROOM * max(rays)))
+        wanted = replace(free, rays=min(_round(ROOM * max(rays)), most))
         found.append((wanted, _forecast(wanted, surface, incoming, detector, speeds, threads, looked, angles)))
     return found
 

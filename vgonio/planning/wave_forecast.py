@@ -23,7 +23,7 @@ from ..wave.job import Job, detector_job, parallel
 from ..wave.lobes import cone_rules
 from ..wave.quadrature import choose_rule, rates
 from ..wave.spreading import OVERSAMPLING, Band, Kernel
-from .forecast import Forecast
+from .forecast import LEAST_WAVE_TOL, Forecast
 
 Floats = NDArray[np.float64]
 STEP = 1.14  # points are that much closer in the end: one step of 1.3 in half of the cases
@@ -79,8 +79,9 @@ def wave_forecast(
     memory = max(memory, TRIAL_BYTES * counts.size + counts.vectors * VECTOR_BYTES)
     if solver.energy or solver.renormalise:
         seconds += _energy_seconds(solver, surface, incoming, counts, speeds)
+    least = fourier.OPENCL_TOL if solver.method == "opencl" else LEAST_WAVE_TOL
     speckle = 1 / np.sqrt(counts.independent * max(counts.room, 1.0))
-    return Forecast(seconds, memory, solver.tol, float(min(speckle, 1.0)))
+    return Forecast(seconds, memory, max(solver.tol, least), float(min(speckle, 1.0)))
 
 
 def _job(
