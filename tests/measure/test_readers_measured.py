@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import vgonio as vg
 from vgonio import models
 from vgonio.dataset import label
 from vgonio.errors import FileFormatError, InputError
@@ -114,6 +115,22 @@ def test_netcdf_round_trip(tmp_path, dataset):
     storage.save(xr.DataTree.from_dict({"rays": dataset, "waves": dataset}), tmp_path / "two.nc")
     with pytest.raises(FileFormatError, match="several BRDFs"):
         formats.read(tmp_path / "two.nc")
+
+
+@pytest.mark.parametrize("name", ["x.txt", "x", "x.json"])
+def test_a_result_is_saved_under_the_endings_of_results(tmp_path, dataset, name):
+    """As `vgonio simulate -o` has it: a file of another ending is not found again as a result."""
+    with pytest.raises(InputError, match=r"has to end in \.nc or \.nc4 or \.h5"):
+        vg.save(dataset, tmp_path / name)
+    assert not list(tmp_path.iterdir())
+    assert vg.save(dataset, tmp_path / "x.NC4").is_file()
+
+
+@pytest.mark.parametrize("solver", ["kirchhoff", None, vg.wave.Kirchhoff])
+def test_what_does_not_scatter_is_no_solver(solver):
+    surface = vg.surface.Heightfield(np.zeros((8, 8)), pitch_um=1.0)
+    with pytest.raises(InputError, match=r"^solver: .*vg\.wave\.Kirchhoff\("):
+        vg.measure.Gonioreflectometer([0], [0]).measure(surface, solver)
 
 
 def test_a_dataset_saved_by_itself_opens_again(tmp_path, dataset):

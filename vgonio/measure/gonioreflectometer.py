@@ -65,10 +65,16 @@ class Gonioreflectometer:
     def measure(self, surface: Heightfield, solver: Solver) -> xr.Dataset:
         """What this instrument sees of `surface` when `solver` scatters the light; seconds are in the attributes.
 
-        Raises InputError for what is no Heightfield and for missing points.
+        Raises InputError for what is no Heightfield or no solver, and for missing points.
         """
         if not isinstance(surface, Heightfield):
             raise InputError(f"a Heightfield is needed, got {type(surface).__name__}: Heightfield(z_um, pitch_um=…)")
+        if isinstance(solver, type) or not callable(getattr(solver, "scatter", None)):
+            got = f"the class {solver.__name__}" if isinstance(solver, type) else repr(solver)[:60]
+            raise InputError(
+                f'solver: {got} scatters no light: give one as vg.wave.Kirchhoff("Al", [550]) or '
+                'vg.geometric.RayOptics("Al", [550])'
+            )
         surface.require_complete()
         start = time.perf_counter()
         data = check(solver.scatter(surface, self.incoming, self.detector), type(solver).__name__)

@@ -13,22 +13,26 @@ from typing import Any
 import xarray as xr
 
 from ..dataset import check, plain
-from ..errors import FileFormatError
+from ..errors import FileFormatError, InputError
 from ..files import require_file, undisturbed, written_whole
 from ..hdf5 import require_harmless
 
 FORMAT = "vgonio result"
 FORMAT_VERSION = 1
 JSON_ATTRIBUTES = ("scene", "plan", "provenance", "seconds", "memory_bytes")
+ENDINGS = (".nc", ".nc4", ".h5")
 GROUPS = ("rays", "waves", "measured", "comparison")
 
 
 def save(result: xr.DataTree | xr.Dataset, path: str | os.PathLike[str]) -> Path:
     """Write a result to NetCDF-4 under a temporary name beside `path`, then rename; returns the path.
 
-    A Dataset becomes the root group. Raises FileFormatError where the folder cannot be written.
+    A Dataset becomes the root group. Raises InputError for a name that does not end in .nc, .nc4 or .h5,
+    FileFormatError where the folder cannot be written.
     """
     path = Path(path)
+    if path.suffix.lower() not in ENDINGS:
+        raise InputError(f"output {path.name!r}: the name has to end in {' or '.join(ENDINGS)}")
     tree = result if isinstance(result, xr.DataTree) else xr.DataTree(result)
     tree = tree.copy()
     tree.attrs = {
