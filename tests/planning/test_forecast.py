@@ -108,3 +108,27 @@ def test_results_keep_what_was_expected_and_what_it_took(tmp_path):
     expected = {s["part"] for s in json.loads(tree.attrs["plan"])["stages"] if s["seconds"] is not None}
     assert {"surface", "rays", "comparison"} <= set(took) & expected
     assert all(m > 1e7 for m in memory.values())
+
+
+@pytest.mark.parametrize(("rms_um", "theta_i_deg"), [(0.3, 70), (0.6, 40), (1.2, 0), (1.5, 70)])
+def test_the_error_by_chosen_facets_lies_in_the_range_that_is_printed(monkeypatch, rms_um, theta_i_deg):
+    """The estimate alone is wrong by 50 in the second of them: no first look is taken without a tolerance."""
+    monkeypatch.setenv("VGONIO_CALIBRATION", "off")
+    given = scene(
+        geometric={"rays": 100_000, "estimator": "facets"}, detector={"theta_o_deg": list(range(-75, 76, 15))}
+    )
+    given["surface"]["generate"] |= {"rms_um": rms_um, "shape": [128, 128], "pitch_um": 0.5}
+    given["light"] = {"wavelength_nm": [550], "theta_i_deg": [theta_i_deg]}
+    cells = {row[1]: row[4] for row in vg.plan(given).table()[1]}
+    assert cells["in all"] == cells["trace"]
+    least, most = (float(x) / 100 for x in cells["trace"].removesuffix(" %").split(" … "))
+    assert least <= vg.simulate(given)["rays"].attrs["error_achieved"] <= most
+
+
+def test_a_known_error_bounds_a_rough_one_from_below():
+    from vgonio.planning import Plan, Stage
+
+    rays, waves = Stage("trace", True, "", error=1e-4, rough=True), Stage("transform", True, "", error=1e-3)
+    assert Plan("", (rays, waves)).error_words == "0.1 … 1 %"
+    assert Plan("", (waves,)).error_words == "0.1 %"
+    assert Plan("", ()).error_words == ""

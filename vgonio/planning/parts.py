@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -64,7 +65,7 @@ def _with_fixed(found: dict[str, Forecast], speeds: Speeds) -> dict[str, Forecas
         if kind == "waves" and any(p.startswith("waves") for p in out):
             seconds, size = 0.3 * seconds, 0.0
         base += size
-        out[part] = Forecast(of.seconds + seconds, base + of.memory_bytes, of.error, of.speckle)
+        out[part] = replace(of, seconds=of.seconds + seconds, memory_bytes=base + of.memory_bytes)
         base += min(KEPT * of.memory_bytes, MOST_KEPT)
     return out
 

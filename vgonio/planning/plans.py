@@ -8,6 +8,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+# times a rough error: where it lies, measured with 10⁴ to 10⁵ rays on slopes of 0.1 to 0.5 (0.3 to 100); faint cones,
+# which several reflections reach, decide about it
+ROUGH = (0.3, 100.0)
 DAY, YEAR = 86_400.0, 31_557_600.0  # seconds
 
 
@@ -18,6 +21,7 @@ class Stage:
     part : of the run that it belongs to, the first stage of which has the forecast of all:
     seconds : wall-clock;  memory_bytes : of the whole process meanwhile
     error : that the solver will state: of rays the relative standard error, of waves the numerical one
+    rough : whether only a range is known, see ROUGH, as of rays by chosen facets without a first look
     """
 
     name: str
@@ -29,6 +33,7 @@ class Stage:
     seconds: float | None = None
     memory_bytes: float | None = None
     error: float | None = None
+    rough: bool = False
 
 
 @dataclass(frozen=True)
@@ -64,6 +69,15 @@ class Plan:
     def error(self) -> float | None:
         """The largest of the errors that the solvers will state."""
         return max((s.error for s in self.stages if s.error is not None), default=None)
+
+    @property
+    def error_words(self) -> str:
+        """The largest error; the range of what it may be, where a rough one may be the largest."""
+        rough = max((s.error for s in self.stages if s.error is not None and s.rough), default=0.0)
+        known = max((s.error for s in self.stages if s.error is not None and not s.rough), default=0.0)
+        if ROUGH[1] * rough > known:
+            return between(max(known, ROUGH[0] * rough), ROUGH[1] * rough)
+        return "" if self.error is None else percent(self.error)
 
     def choices(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         """Columns and cells of the settings that were chosen and those that were not."""
@@ -110,13 +124,14 @@ class Plan:
             (
                 "yes" if s.needed else "no",
                 s.name,
-                *figures(s.seconds, s.memory_bytes, s.error),
+                *figures(s.seconds, s.memory_bytes, s.error, s.rough),
                 "; ".join(t for t in (s.cost, s.why) if t),
                 s.library,
             )
             for s in self.stages
         ]
-        return columns, [*rows, ("", "in all", *figures(self.seconds, self.memory_bytes, self.error), "", "")]
+        total = figures(self.seconds, self.memory_bytes, None)[:2]
+        return columns, [*rows, ("", "in all", *total, self.error_words, "", "")]
 
     def __str__(self) -> str:
         columns, rows = self.table()
@@ -129,13 +144,20 @@ class Plan:
         return "\n".join([*lines, *(f"warning: {w}" for w in self.warnings)])
 
 
-def figures(seconds: float | None, memory_bytes: float | None, error: float | None) -> tuple[str, str, str]:
-    """Two digits of each, with its unit; empty where there is none."""
+def figures(
+    seconds: float | None, memory_bytes: float | None, error: float | None, rough: bool = False
+) -> tuple[str, str, str]:
+    """Two digits of each, with its unit; empty where there is none; a range for a rough error."""
     return (
         duration(seconds),
         "" if memory_bytes is None else _size(memory_bytes),
-        "" if error is None else percent(error),
+        "" if error is None else between(ROUGH[0] * error, ROUGH[1] * error) if rough and error else percent(error),
     )
+
+
+def between(least: float, most: float) -> str:
+    """The range in which an error lies."""
+    return f"{100 * min(least, 1.0):.1g} … {100 * min(most, 1.0):.1g} %"
 
 
 def duration(seconds: float | None) -> str:

@@ -25,7 +25,9 @@ def with_forecasts(stages: list[Stage], found: Mapping[str, Forecast]) -> list[S
         if s.needed and s.part in found and s.part not in told:
             told.add(s.part)
             f = found[s.part]
-            s = replace(s, seconds=f.seconds, memory_bytes=f.memory_bytes, error=f.error, why=s.why + _speckle(f))
+            s = replace(
+                s, seconds=f.seconds, memory_bytes=f.memory_bytes, error=f.error, rough=f.rough, why=s.why + _speckle(f)
+            )
         out.append(s)
     return out
 
