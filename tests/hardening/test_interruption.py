@@ -164,6 +164,7 @@ def test_a_signal_during_the_save_keeps_what_was_finished(tmp_path, monkeypatch,
 
     monkeypatch.setattr(storage, "written_whole", slow)
     pid = child("simulate scene.toml -o r.nc".split(), tmp_path)
+    os.close(ready)  # ours: when the child ends, reading ends too
     os.read(begun, 1)  # the result begins to be written
     os.kill(pid, signal.SIGINT)
     for _ in range(signals - 1):
@@ -171,7 +172,6 @@ def test_a_signal_during_the_save_keeps_what_was_finished(tmp_path, monkeypatch,
         os.kill(pid, signal.SIGINT)
     status = wait(pid)
     os.close(begun)
-    os.close(ready)
     err = (tmp_path / "kept/err").read_text()
     assert status == 130, err
     assert left(tmp_path) == {"r.partial.nc"}, err
