@@ -5,7 +5,8 @@
 Each scene is planned and simulated in a process of its own, on a calibration made at the start. As a rule one thread
 works and seconds are those of the processor, which other programs on the machine hardly change; with --wall they are
 those of the clock and all threads, for a machine that does nothing else. Memory is the process' largest
-(ru_maxrss). Parts below 0.1 s are left out: nobody waits for them.
+(VmHWM; ru_maxrss would count that of the process it was forked from).
+Parts below 0.1 s are left out: nobody waits for them.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ COLUMNS = ("scene", "part", "expected", "measured", "ratio", "unit")
 
 # planned first, so that what planning costs is not counted with the first part
 CHILD = """
-import json, os, resource, sys, time, warnings
+import json, os, re, sys, time, warnings
 warnings.simplefilter("ignore")
 clock = getattr(time, sys.argv[2])
 import vgonio as vg
@@ -46,7 +47,7 @@ tree = vg.simulate(scene, progress=progress, output=sys.argv[3] + ".nc", report=
 errors = {n: tree[n].attrs.get("error_achieved") for n in tree.children}
 print(json.dumps({"parts": parts, "expected": plan.parts(), "memory": plan.memory_bytes, "planning": planning,
                   "errors": {n: e for n, e in errors.items() if isinstance(e, float)},
-                  "maxrss": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0}))
+                  "peak": 1024.0 * int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1])}))
 """
 
 LIGHT = {"wavelength_nm": [450, 550, 650], "theta_i_deg": [0, 30, 60], "coherence_um": 10}
@@ -141,8 +142,8 @@ def measured(name: str, given: Any, calibration: str, wall: bool = False) -> lis
         if max(took, expected) >= LEAST_SECONDS:
             rows.append(dict(zip(COLUMNS, (name, part, expected, took, expected / took, "s"))))
     rows.append(
-        dict(zip(COLUMNS, (name, "memory", found["memory"] / 1e6, found["maxrss"] / 1e6,
-                           found["memory"] / found["maxrss"], "MB")))
+        dict(zip(COLUMNS, (name, "memory", found["memory"] / 1e6, found["peak"] / 1e6,
+                           found["memory"] / found["peak"], "MB")))
     )  # fmt: skip
     for part, error in found["errors"].items():
         stated = found["expected"].get(part, {}).get("error")

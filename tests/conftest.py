@@ -7,6 +7,7 @@ import datetime
 import json
 import os
 import platform
+import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -131,3 +132,17 @@ def circumstances() -> dict[str, str]:
 def pytest_configure(config: pytest.Config) -> None:
     if not hasattr(config, "workerinput"):  # with xdist the workers send their reports to the one who writes
         config.pluginmanager.register(Agreements(), "agreements")
+
+
+@pytest.fixture(scope="session")
+def browser() -> list[str]:
+    """The start of a command line that loads a page in headless Chromium and prints what became of it."""
+    names = ("chromium", "chromium-browser", "google-chrome")
+    found = next((path for name in names if (path := shutil.which(name))), None)
+    if found is None:
+        pytest.skip(f"none of {', '.join(names)} is on the PATH: install chromium to load the page in a browser")
+    return [
+        *(found, "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"),
+        *("--disable-component-update", "--disable-background-networking", "--disable-dev-shm-usage"),
+        *("--disable-extensions", "--enable-logging=stderr", "--virtual-time-budget=4000", "--dump-dom"),
+    ]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import json
 import re
-import shutil
 import subprocess
 from pathlib import Path
 from xml.etree import ElementTree
@@ -126,22 +125,17 @@ def test_coverage_in_closed_form(model):
 
 
 @pytest.mark.parametrize("width", [1280, 500])
-def test_page_in_a_browser(two_eyes, tmp_path, width):
+def test_page_in_a_browser(browser, two_eyes, tmp_path, width):
     """As the page of results is looked at: all pictures there, nothing fetched, nothing outside window or figure."""
     spec = importlib.util.spec_from_file_location("probe", ROOT / "tests" / "report" / "test_browser.py")
     probe = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(probe)
-    browser = next((path for name in probe.BROWSERS if (path := shutil.which(name))), None)
-    if browser is None:
-        pytest.skip(
-            f"none of {', '.join(probe.BROWSERS)} is on the PATH: install chromium to load the page in a browser"
-        )
     page = display_page(two_eyes, tmp_path / "page.html")
     text = page.read_text(encoding="utf-8")
     page.write_text(text.replace("</head>", probe.PROBE, 1), encoding="utf-8")
     embedded = probe.embedded_pictures(text)
     assert len(embedded) >= 2
-    command = [browser, *probe.FLAGS, f"--user-data-dir={tmp_path}", f"--window-size={width},900", page.as_uri()]
+    command = [*browser, f"--user-data-dir={tmp_path}", f"--window-size={width},900", page.as_uri()]
     run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     assert [line for line in run.stderr.splitlines() if "CONSOLE" in line] == []
     seen = json.loads(re.search(r"<title>(\{.*?\})</title>", run.stdout, re.S).group(1).replace("&amp;", "&"))

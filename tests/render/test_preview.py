@@ -158,7 +158,7 @@ def test_figure(small):
     from vgonio.report.render_figures import previews
 
     figure = previews(small)
-    assert [ax.get_title("left") for ax in figure.axes[:3]] == ["plain", "shifted", "ΔE₀₀ against plain"]
+    assert [ax.get_title("left") for ax in figure.axes[:3]] == ["plain", "shifted", "ΔE₀₀ from plain"]
     assert "ΔE₀₀" in figure.axes[-1].get_ylabel()
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 
 import numpy as np
 import pytest
@@ -205,17 +204,3 @@ def full_result(ray_result, wave_result, measured_result, surface_summary) -> xr
 @pytest.fixture(scope="session")
 def surface_summary() -> xr.Dataset:
     return surface()
-
-
-@pytest.fixture(scope="session")
-def browser() -> list[str]:
-    """The start of a command line that loads a page in headless Chromium and prints what became of it."""
-    names = ("chromium", "chromium-browser", "google-chrome")
-    found = next((path for name in names if (path := shutil.which(name))), None)
-    if found is None:
-        pytest.skip(f"none of {', '.join(names)} is on the PATH: install chromium to load the page in a browser")
-    return [
-        *(found, "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"),
-        *("--disable-component-update", "--disable-background-networking", "--disable-dev-shm-usage"),
-        *("--disable-extensions", "--enable-logging=stderr", "--virtual-time-budget=4000", "--dump-dom"),
-    ]

@@ -71,11 +71,14 @@ def _legendre(n: int) -> tuple[Floats, Floats]:
     return np.polynomial.legendre.leggauss(n)
 
 
-def gauss_rule(knots: Floats, spacing: float) -> tuple[Floats, Floats]:
-    """Positions and weights of Gauss–Legendre panels between `knots`, on average no wider apart than `spacing`."""
+def gauss_rule(knots: Floats, spacing: float, more: int = 0) -> tuple[Floats, Floats]:
+    """Positions and weights of Gauss–Legendre panels between `knots`, on average no wider apart than `spacing`.
+
+    more : nodes beyond these in every panel; a check of the rule needs one, since a finer spacing may round to the same
+    """
     width = np.diff(knots)
     knots, width = knots[np.concatenate([[True], width > 1e-12 * knots[-1]])], width[width > 1e-12 * knots[-1]]
-    nodes = int(np.clip(np.ceil(width.max() / spacing) + 1, 2, MAX_NODES))
+    nodes = int(np.clip(np.ceil(width.max() / spacing) + 1 + more, 2, MAX_NODES + more))
     pieces = np.maximum(1, np.ceil(width / (spacing * (nodes - 1)) - 1e-9)).astype(int)
     edges = np.concatenate([a + w * np.arange(p) / p for a, w, p in zip(knots[:-1], width, pieces)] + [knots[-1:]])
     t, w = _legendre(nodes)
@@ -83,7 +86,7 @@ def gauss_rule(knots: Floats, spacing: float) -> tuple[Floats, Floats]:
     return (edges[:-1, None] + half * (1 + t)).ravel(), (half * w).ravel()
 
 
-def axis_rule(axis: Axis, lo: float, hi: float, spacing: float, rule: str) -> tuple[Floats, Floats]:
+def axis_rule(axis: Axis, lo: float, hi: float, spacing: float, rule: str, more: int = 0) -> tuple[Floats, Floats]:
     """Positions and weights (µm) over [lo, hi] of one axis; a periodic axis may be asked for beyond its domain."""
     if rule == "uniform":
         n = max(1, int(np.ceil((hi - lo) / spacing - 1e-9)))
@@ -98,7 +101,7 @@ def axis_rule(axis: Axis, lo: float, hi: float, spacing: float, rule: str) -> tu
         turns = np.arange(np.floor(lo / length), np.ceil(hi / length))
         knots = np.unique((knots + turns[:, None] * length).ravel())
     inside = knots[(knots > lo) & (knots < hi)]
-    return gauss_rule(np.concatenate([[lo], inside, [hi]]), spacing)
+    return gauss_rule(np.concatenate([[lo], inside, [hi]]), spacing, more)
 
 
 def rates(surface: Heightfield, q: Floats) -> tuple[float, float]:

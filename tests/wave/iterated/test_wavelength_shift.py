@@ -11,7 +11,7 @@ import xarray as xr
 
 import vgonio as vg
 
-FOLDER = Path(__file__).resolve().parents[3] / "examples" / "wavelength_shift"
+FOLDER = Path(__file__).resolve().parents[3] / "examples" / "14_wavelength_shift"
 
 
 @pytest.fixture(scope="module")
