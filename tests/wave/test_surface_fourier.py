@@ -14,8 +14,8 @@ from scipy.special import jv
 import vgonio as vg
 from vgonio.errors import BackendError, InputError, VgonioWarning
 from vgonio.surface import Heightfield
-from vgonio.wave.fourier import evaluate
-from vgonio.wave.quadrature import Points, gauss_rule
+from vgonio.wave.fourier import evaluate, sample
+from vgonio.wave.quadrature import Points, finer, gauss_rule
 
 METHODS = ("nufft", "opencl", "reference")
 
@@ -251,3 +251,25 @@ def test_bad_input():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert vg.wave.surface_fourier(surface, np.zeros((0, 3))).shape == (0,)
+
+
+@pytest.mark.parametrize("share", np.linspace(0.05, 40, 57))
+def test_the_grid_that_checks_gauss_panels_is_finer(share):
+    """1.5 times finer may round to the same nodes, and a difference of nothing is no error estimate."""
+    surface = vg.surface.gaussian(rms_um=0.1, correlation_um=4.0, shape=[12, 9], pitch_um=(0.7, 1.3), seed=1)
+    spacing = np.array(surface.pitch_um) / share
+    coarse = sample(surface, spacing, "gauss")
+    fine = sample(surface, finer(surface, spacing, "gauss"), "gauss")
+    assert len(fine.x) > len(coarse.x)
+    assert len(fine.y) > len(coarse.y)
+
+
+def test_jagged_surface_to_a_tolerance_that_once_passed_unmet():
+    """72 samples of noise: the check rounded to the rule it checked, and an error of 1e-4 passed for 1e-7."""
+    z = 0.2 * np.random.default_rng(163).normal(size=(8, 9))
+    surface = Heightfield(z, (0.7, 1.3), periodic=True)
+    q = np.array([[0.0, 3.0, 1.0], [0.0, -3.0, -1.0], [0.0, 0.0, 0.0]])
+    exact = vg.wave.surface_fourier(surface, q, method="reference", tol=1e-11)
+    for tol in (1e-3, 1e-5, 1e-7):
+        found = vg.wave.surface_fourier(surface, q, method="reference", tol=tol)
+        assert np.linalg.norm(found - exact) <= tol * np.linalg.norm(exact)

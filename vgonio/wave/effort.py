@@ -15,7 +15,7 @@ from .amplitudes import Model
 from .coherence import WindowPlan
 from .fourier import check_method
 from .job import Job
-from .quadrature import Floats, rates
+from .quadrature import Floats, finer, rates
 from .weighted import Place, Shadows, intensity
 
 EDGES_CHECKED = 24  # directions for which shadows are found again on a finer grid
@@ -59,7 +59,7 @@ class Work:
         for _ in range(9):
             place = Place.of(part, plan, window, tuple(spacing), how.rule)
             size = round(place.points.size * surface.area_um2 / part.area_um2)
-            fine = Place.of(part, plan, window, tuple(spacing / 1.5), how.rule)
+            fine = Place.of(part, plan, window, tuple(finer(part, spacing, how.rule)), how.rule)
             other = check_method(how.method, fine.points, some.q, tol)
             f = intensity(place, part, some, self.model, self.wavelength_nm, None, how.method, eps, how.azimuth)
             g = intensity(fine, part, some, self.model, self.wavelength_nm, None, other, eps / 5, how.azimuth)

@@ -13,7 +13,7 @@ from ..errors import BackendError, InputError, VgonioWarning, nearest, relative_
 from ..surface.heightfield import Heightfield
 from ..surface.interpolant import Interpolant
 from . import nufft
-from .quadrature import Complex, Floats, Points, axis_rule, choose_rule, rates, require_affordable
+from .quadrature import Complex, Floats, Points, axis_rule, choose_rule, finer, rates, require_affordable
 
 METHODS = ("auto", "nufft", "opencl", "reference")
 CHECKED = 48  # scattering vectors whose integral is computed again on a finer grid
@@ -75,7 +75,7 @@ def evaluate(
         points = sample(surface, spacing, rule, w)
         S = apply(chosen, points, vectors, eps)
         some = _subset(S, vectors)
-        fine = points if rule == "cells" else sample(surface, spacing / 1.5, rule, w, more=1)
+        fine = points if rule == "cells" else sample(surface, finer(surface, spacing, rule), rule, w)
         check = check_method(chosen, fine, vectors[some], tol)
         # the same grid again by another method, then a finer grid: two errors, each with its own remedy
         again = S[some] if check == chosen == "reference" else apply(check, points, vectors[some], eps / 100)
@@ -110,7 +110,7 @@ def _tried(
     some = np.unique(np.concatenate([near, far, np.linspace(0, len(q) - 1, part).astype(int)]))
     coarse = sample(surface, spacing, rule, window)
     for _ in range(6):
-        fine = sample(surface, spacing / 1.5, rule, window, more=1)
+        fine = sample(surface, finer(surface, spacing, rule), rule, window)
         check = check_method("nufft", fine, q[some], tol)
         if 4 * coarse.size > MAX_POINTS or check == "nufft":
             break
@@ -126,20 +126,18 @@ def _tried(
     return spacing
 
 
-def sample(
-    surface: Heightfield, spacing: ArrayLike, rule: str, window: Interpolant | None = None, more: int = 0
-) -> Points:
+def sample(surface: Heightfield, spacing: ArrayLike, rule: str, window: Interpolant | None = None) -> Points:
     """Points and weights over the whole domain. One profile repeated costs one dimension where there is no window."""
     ip = surface.interpolant
     sy, sx = np.asarray(spacing, float)
     ly, lx = surface.size_um
     require_affordable(1 if surface.is_profile and window is None else ly / sy, lx / sx)
-    x, wx = axis_rule(ip.x_axis, 0.0, lx, sx, rule, more)
+    x, wx = axis_rule(ip.x_axis, 0.0, lx, sx, rule)
     cell = surface.pitch_um if rule == "cells" else (0.0, 0.0)
     if surface.is_profile and window is None:
         y, wy, cell = np.array([ly / 2]), np.array([ly]), (ly, cell[1])
     else:
-        y, wy = axis_rule(ip.y_axis, 0.0, ly, sy, rule, more)
+        y, wy = axis_rule(ip.y_axis, 0.0, ly, sy, rule)
     weight = wy[:, None] * wx[None, :]
     if window is not None:
         weight = weight * window.grid(y, x)

@@ -71,14 +71,11 @@ def _legendre(n: int) -> tuple[Floats, Floats]:
     return np.polynomial.legendre.leggauss(n)
 
 
-def gauss_rule(knots: Floats, spacing: float, more: int = 0) -> tuple[Floats, Floats]:
-    """Positions and weights of Gauss–Legendre panels between `knots`, on average no wider apart than `spacing`.
-
-    more : nodes beyond these in every panel; a check of the rule needs one, since a finer spacing may round to the same
-    """
+def gauss_rule(knots: Floats, spacing: float) -> tuple[Floats, Floats]:
+    """Positions and weights of Gauss–Legendre panels between `knots`, on average no wider apart than `spacing`."""
     width = np.diff(knots)
     knots, width = knots[np.concatenate([[True], width > 1e-12 * knots[-1]])], width[width > 1e-12 * knots[-1]]
-    nodes = int(np.clip(np.ceil(width.max() / spacing) + 1 + more, 2, MAX_NODES + more))
+    nodes = int(np.clip(np.ceil(width.max() / spacing) + 1, 2, MAX_NODES))
     pieces = np.maximum(1, np.ceil(width / (spacing * (nodes - 1)) - 1e-9)).astype(int)
     edges = np.concatenate([a + w * np.arange(p) / p for a, w, p in zip(knots[:-1], width, pieces)] + [knots[-1:]])
     t, w = _legendre(nodes)
@@ -86,7 +83,18 @@ def gauss_rule(knots: Floats, spacing: float, more: int = 0) -> tuple[Floats, Fl
     return (edges[:-1, None] + half * (1 + t)).ravel(), (half * w).ravel()
 
 
-def axis_rule(axis: Axis, lo: float, hi: float, spacing: float, rule: str, more: int = 0) -> tuple[Floats, Floats]:
+def finer(surface: Heightfield, spacing: Floats, rule: str) -> Floats:
+    """(2,) a spacing that checks the rule at `spacing`: 1.5 times finer, and for panels between samples one node or one
+    piece more, since these numbers are whole and 1.5 times finer may round to the same."""
+    if rule != "gauss":
+        return spacing / 1.5
+    share = np.array(surface.pitch_um) / spacing
+    longest = MAX_NODES - 1
+    more = np.where(share <= longest - 1, np.ceil(share) + 1, longest * np.ceil(share / longest) + 0.5)
+    return np.minimum(spacing / 1.5, np.array(surface.pitch_um) / more)
+
+
+def axis_rule(axis: Axis, lo: float, hi: float, spacing: float, rule: str) -> tuple[Floats, Floats]:
     """Positions and weights (µm) over [lo, hi] of one axis; a periodic axis may be asked for beyond its domain."""
     if rule == "uniform":
         n = max(1, int(np.ceil((hi - lo) / spacing - 1e-9)))
@@ -101,7 +109,7 @@ def axis_rule(axis: Axis, lo: float, hi: float, spacing: float, rule: str, more:
         turns = np.arange(np.floor(lo / length), np.ceil(hi / length))
         knots = np.unique((knots + turns[:, None] * length).ravel())
     inside = knots[(knots > lo) & (knots < hi)]
-    return gauss_rule(np.concatenate([[lo], inside, [hi]]), spacing, more)
+    return gauss_rule(np.concatenate([[lo], inside, [hi]]), spacing)
 
 
 def rates(surface: Heightfield, q: Floats) -> tuple[float, float]:
