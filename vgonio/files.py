@@ -22,6 +22,9 @@ MOST_TEXT = 500_000_000
 # a million lines of settings are not settings, and TOML is parsed at some megabytes a second
 MOST_SETTINGS = 10_000_000
 MOST_BYTES = 8_000_000_000
+# how the names of results and of pages end
+RESULT_ENDINGS = (".nc", ".nc4", ".h5")
+PAGE_ENDINGS = (".html", ".htm")
 
 
 @contextmanager

@@ -18,6 +18,7 @@ import xarray as xr
 from . import assembly
 from .dataset import versions
 from .errors import InputError
+from .files import PAGE_ENDINGS, RESULT_ENDINGS
 from .memory import Watch
 from .planning import Plan, check_output, check_outputs, plan_of, with_folder
 from .planning.outputs import page_asked
@@ -59,8 +60,8 @@ def simulate(
     """
     checked = load_scene(scene, overrides)
     check_outputs(checked)
-    result_path = _destination(output, checked.output.file, checked, (".nc", ".nc4", ".h5"))
-    page_path = _destination(page_asked(checked, output, report), checked.output.report, checked, (".html", ".htm"))
+    result_path = _destination(output, checked.output.file, checked, RESULT_ENDINGS)
+    page_path = _destination(page_asked(checked, output, report), checked.output.report, checked, PAGE_ENDINGS)
     run = _Run(progress)
     with run.part("surface"):
         inputs = assembly.gather(checked)

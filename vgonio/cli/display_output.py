@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..files import PAGE_ENDINGS
 from .common import print_json, print_table, say
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def tell(found: list[Examined], report: Path | None, as_json: bool, inputs: list
     if report is not None:
         from ..planning import check_output, with_folder
 
-        check_output(report, (".html", ".htm"), inputs or ())
+        check_output(report, PAGE_ENDINGS, inputs or ())
     from ..display import summary
 
     facts = [summary(f.model, f.check) for f in found]

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from ..files import PAGE_ENDINGS
 from .common import Quiet, Threads, say
 
 
@@ -31,7 +32,7 @@ def explore(
     from ..planning import check_output, with_folder
 
     path = output if output is not None else result.with_name(f"{result.stem}_explore.html")
-    check_output(path, (".html", ".htm"), [result])
+    check_output(path, PAGE_ENDINGS, [result])
     tree = measure.open(result)
     from ..report.explorer import explorer_page
 

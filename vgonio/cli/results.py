@@ -9,9 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import InputError, VgonioError, nearest
+from ..files import PAGE_ENDINGS, RESULT_ENDINGS
 from .common import Json, Quiet, Threads, busy, print_json, print_table, save_figure, say
-
-RESULT_ENDINGS = (".nc", ".nc4", ".h5")
 
 
 def compare(
@@ -161,7 +160,7 @@ def report(
 
     tree = measure.open(result)
     path = output if output is not None else result.with_suffix(".html")
-    check_output(path, (".html", ".htm"), [result])
+    check_output(path, PAGE_ENDINGS, [result])
     from ..report import page
 
     page(tree, with_folder(path))

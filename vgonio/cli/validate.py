@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import InputError
+from ..files import PAGE_ENDINGS, RESULT_ENDINGS
 from .common import Json, Quiet, Threads, print_json, print_table, progress_bars, say
 
 if TYPE_CHECKING:
@@ -87,9 +88,9 @@ def validate(
     from ..planning import check_output, with_folder
 
     result = scene.with_suffix(".nc") if output is None else output
-    check_output(result, (".nc", ".nc4", ".h5"), [scene])
+    check_output(result, RESULT_ENDINGS, [scene])
     if report is not None:
-        check_output(report, (".html", ".htm"), [scene])
+        check_output(report, PAGE_ENDINGS, [scene])
     from ..render import choose
     from ..render.normbox import load
     from ..render.normbox import validate as run

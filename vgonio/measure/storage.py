@@ -14,13 +14,12 @@ import xarray as xr
 
 from ..dataset import check, plain
 from ..errors import FileFormatError, InputError
-from ..files import require_file, undisturbed, written_whole
+from ..files import RESULT_ENDINGS, require_file, undisturbed, written_whole
 from ..hdf5 import require_harmless
 
 FORMAT = "vgonio result"
 FORMAT_VERSION = 1
 JSON_ATTRIBUTES = ("scene", "plan", "provenance", "seconds", "memory_bytes")
-ENDINGS = (".nc", ".nc4", ".h5")
 GROUPS = ("rays", "waves", "measured", "comparison")
 
 
@@ -31,8 +30,8 @@ def save(result: xr.DataTree | xr.Dataset, path: str | os.PathLike[str]) -> Path
     FileFormatError where the folder cannot be written.
     """
     path = Path(path)
-    if path.suffix.lower() not in ENDINGS:
-        raise InputError(f"output {path.name!r}: the name has to end in {' or '.join(ENDINGS)}")
+    if path.suffix.lower() not in RESULT_ENDINGS:
+        raise InputError(f"output {path.name!r}: the name has to end in {' or '.join(RESULT_ENDINGS)}")
     tree = result if isinstance(result, xr.DataTree) else xr.DataTree(result)
     tree = tree.copy()
     tree.attrs = {

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
+from ..files import PAGE_ENDINGS, RESULT_ENDINGS
 from ..scene import Scene
 
 
 def check_outputs(scene: Scene) -> None:
     """Raise InputError for an output that could not be written, or that would overwrite an input."""
-    for name, endings in ((scene.output.file, (".nc", ".nc4", ".h5")), (scene.output.report, (".html", ".htm"))):
+    for name, endings in ((scene.output.file, RESULT_ENDINGS), (scene.output.report, PAGE_ENDINGS)):
         if name is not None:
             check_output(scene.resolve(name), endings, scene.inputs)
 
