@@ -198,15 +198,20 @@ def test_ctrl_c_says_where_to_go_on(study_file):
 
 
 def test_an_existing_scheduler_and_one_that_is_not_there(study_file):
-    from distributed import LocalCluster
+    import dask
+    from distributed import LocalCluster, get_client
 
     path = study_file('[vary]\n"surface.generate.seed" = [1, 2]')
     with LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster:
         tree = sweep(path, scheduler=cluster.scheduler_address)
     assert (tree["state"] == 0).all()
     path = study_file('[vary]\n"surface.generate.seed" = [5]')
+    before = dask.config.get("scheduler", None)
     with pytest.raises(BackendError, match="no Dask scheduler answers"):
         sweep(path, scheduler="not-an-address://x")
+    assert dask.config.get("scheduler", None) == before  # else what is saved later asks the one that failed
+    with pytest.raises(ValueError, match="client"):
+        get_client(timeout=0)
 
 
 def test_workers_of_another_version_are_refused(study_file):

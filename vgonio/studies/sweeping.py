@@ -105,10 +105,12 @@ def _client(scheduler: str | None, workers: int | None, points: int) -> Iterator
         raise BackendError("a sweep needs Dask: pip install 'vgonio[sweep]'") from None
     import dask
 
+    # Never the default client of the process: one that found no scheduler would stay it, and files would be saved
+    # under its locks (xarray asks Dask for them).
     with dask.config.set({"distributed.scheduler.allowed-failures": DEATHS}):
         if scheduler is not None:
             try:
-                client = distributed.Client(scheduler, timeout=10)
+                client = distributed.Client(scheduler, timeout=10, set_as_default=False)
             except (OSError, ValueError) as e:
                 raise BackendError(f"no Dask scheduler answers at {scheduler!r}: {e or type(e).__name__}") from None
             with client:
@@ -127,7 +129,8 @@ def _client(scheduler: str | None, workers: int | None, points: int) -> Iterator
                     silence_logs=50,
                     preload=["vgonio.studies.worker"],
                 )
-                client = begun.enter_context(distributed.Client(begun.enter_context(cluster)))
+                client = distributed.Client(begun.enter_context(cluster), set_as_default=False)
+                begun.enter_context(client)
             try:
                 yield client
             finally:
@@ -162,7 +165,7 @@ def _compute_all(client: Any, store: Store, first: Point, todo: Iterator[Point],
         points[key] = point
         return client.submit(compute, scene, key, values, store, __version__, key=f"point-{key}", pure=False)
 
-    running = as_completed([submit(first)])
+    running = as_completed([submit(first)], loop=client.loop)
     try:
         for point in todo:
             if point[0] in points:  # two values that mean the same
