@@ -6,7 +6,21 @@ from typing import Annotated
 
 import typer
 
-from . import accuracy, display, doctor, explore, fit, measured, render, results, simulate, surface, sweep, validate
+from . import (
+    accuracy,
+    display,
+    doctor,
+    examples,
+    explore,
+    fit,
+    measured,
+    render,
+    results,
+    simulate,
+    surface,
+    sweep,
+    validate,
+)
 
 app = typer.Typer(
     name="vgonio",
@@ -41,6 +55,7 @@ app.command("sweep")(sweep.sweep)
 app.command("accuracy")(accuracy.accuracy)
 app.command("plan")(simulate.plan)
 app.command("init")(simulate.init)
+app.command("examples")(examples.examples)
 app.add_typer(surface.app, name="surface")
 app.add_typer(measured.app, name="measured")
 app.command("compare")(results.compare)

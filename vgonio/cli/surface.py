@@ -13,7 +13,7 @@ from ..errors import InputError, nearest
 from .common import Json, Quiet, Set, Threads, print_json, print_table, say
 
 app = typer.Typer(
-    help="Look at a height field, make one, or change its format.\n\nExample: vgonio surface info sample.al3d",
+    help="Look at a height field, make one, or change its format.\n\nExample: vgonio surface info sample.x3p",
     rich_markup_mode=None,
 )
 
@@ -43,7 +43,7 @@ def info(
 
     Implausible figures are warned about; --pitch-um and --height-unit override what a file says.
 
-    Example: vgonio surface info sample.al3d --pitch-um 0.438
+    Example: vgonio surface info sample.x3p --pitch-um 0.438
     """
     from .. import surface
 
@@ -174,7 +174,7 @@ def convert(
 
     The ending of OUT says into which.
 
-    Example: vgonio surface convert sample.al3d sample.npz
+    Example: vgonio surface convert sample.x3p sample.npz
     """
     from .. import surface
 

@@ -1,6 +1,6 @@
 """Surface files: one format a module, found by suffix and first bytes.
 
->>> surface = vg.surface.read("sample.al3d")
+>>> surface = vg.surface.read("sample.x3p")
 """
 
 from __future__ import annotations
