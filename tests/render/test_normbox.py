@@ -259,6 +259,54 @@ def test_direct_light_comes_at_the_angles_of_the_thesis():
     assert len(theta_i) == 10
 
 
+@pytest.mark.parametrize("angle", [30.0, 60.0, 85.0])
+def test_strips_of_the_light_weigh_as_their_irradiance(angle):
+    """Against the polygon formula for a small square in the middle of each strip: the light's cosine counts as well."""
+    box = Box()
+    theta_i, _, weight = comparison.direct_pairs(box, angle)
+    normal = closed_forms.sample_frame(box, angle)[2]
+    height = box.size_mm[2] - box.sample_at_mm[2]
+    corners = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
+    y = height * np.tan(np.radians(theta_i - angle))
+    expected = [closed_forms.polygon_irradiance([0, 0, 0], normal, corners + [0, v, height]) for v in y]
+    np.testing.assert_allclose(weight, np.array(expected) / np.sum(expected), rtol=1e-3)
+
+
+def test_white_is_patch_19_even_where_another_is_brighter():
+    r, p = arrays(0.5)
+    brighter = xr.concat([r, (2 * r.sel(patch=[19])).assign_coords(patch=[22])], "patch")
+    x, _ = comparison.tristimulus(brighter, brighter)
+    np.testing.assert_allclose(x[0, 0], [0.95046, 1.0, 1.08906], rtol=2e-4)
+    np.testing.assert_allclose(x[2, 0], 2 * x[0, 0])
+
+
+def in_plane_brdf(value: float) -> xr.Dataset:
+    shape = (3, 5, W.size)
+    coords = {"theta_i": [0.0, 45.0, 85.0], "theta_o": [-85.0, -45.0, 0.0, 45.0, 85.0], "wavelength": W}
+    return xr.Dataset({"brdf": (("theta_i", "theta_o", "wavelength"), np.full(shape, value))}, coords)
+
+
+def test_the_two_term_model_in_closed_form():
+    """Fits that are off by a factor each: 10 and 20 % of two patches, 5 % of a wall with ρ = 0.6, so met 2.5 times."""
+    share = xr.DataArray([[0.9, 0.5], [0.6, 0.2]], {"patch": [4, 19], "angle": [30.0, 75.0]}, ("patch", "angle"))
+    radiance_ = xr.full_like(share, 3.0)
+    wall = in_plane_brdf(0.6 / np.pi)
+    patches = {4: (0.2, 1.1), 19: (0.9, 0.8)}
+    fits = {
+        n: error_model.Fitted(in_plane_brdf(f), f * k * xr.ones_like(wall["brdf"])) for n, (f, k) in patches.items()
+    }
+    found = error_model.error_model(
+        share, radiance_, W, fits, error_model.Fitted(wall, 0.95 * wall["brdf"]), Box(holder_reflectance=0.0)
+    )
+    np.testing.assert_allclose(found["nse_fit"].sel(patch=4), -0.1, rtol=1e-9)
+    np.testing.assert_allclose(found["err_d"], [[0.1, 0.1], [0.2, 0.2]], rtol=1e-9)
+    err_i = np.array([0.1, 0.2]) + 0.05 / (1 - 0.6)
+    np.testing.assert_allclose(found["err_i"], err_i, rtol=1e-9)
+    expected = share * found["err_d"] + (1 - share) * err_i[:, None]
+    np.testing.assert_allclose(found["modelled_nrmse"], expected, rtol=1e-9)
+    np.testing.assert_allclose(found["modelled_rmse"], 3 * expected, rtol=1e-9)
+
+
 def test_black_reference_is_refused():
     r, p = arrays()
     with pytest.raises(InputError, match="patch 24 at 70°"):
@@ -309,6 +357,39 @@ def test_sources_that_are_a_factor(llvm):
     # direct light is not all of it, and less so at 75°
     diffuse = data.sel(source="diffusivity").values[0]
     assert diffuse[0] > diffuse[1] > 0
+
+
+def test_deviations_and_their_sum_in_closed_form(monkeypatch):
+    """A renderer whose radiance is the mean of the light, a quarter of it direct: each source has the size it is given.
+
+    n draws know a standard deviation to 1/√2n: 100 of what is rendered, 400 of a factor alone.
+    """
+
+    def predicted(mi, job, *_):
+        values = np.broadcast_to(job.light.mean(axis=0), (1, 2, W.size))
+        return xr.Dataset(
+            {"radiance": (("patch", "angle", "wavelength"), values)}, {"patch": [1], "angle": [30.0, 75.0]}
+        )
+
+    monkeypatch.setattr(error_path, "predict", predicted)
+    monkeypatch.setattr(error_path, "direct_part", lambda mi, job: 0.25 * predicted(mi, job)["radiance"])
+    paint = of_model("cook-torrance-1982", {"alpha": 0.5, "eta": 1.5, "k_d": 0.3}, W)
+    job = predictions.Job(Box(), paint, {1: paint}, (30.0, 75.0), W, np.ones((25, 4)), 16)
+    found = error_path.error_path(None, job, settings.ErrorPath(repeats=100))
+    each = {name: float(found["deviation"].sel(source=name, angle=30.0, patch=1)) for name in error_path.SOURCES}
+    expected = {
+        "emission": 0.02,
+        "reference": 0.02,
+        "repeatability": 0.01,
+        "diffusivity": 0.026 / 4,
+        "homogeneity": 0.03 / np.sqrt(3) / 5,  # limits of 25 points
+    }
+    for name, size in expected.items():
+        draws = 100 if name in ("emission", "homogeneity") else error_path.FACTOR_DRAWS
+        assert each[name] == pytest.approx(size, rel=4 / np.sqrt(2 * draws)), name
+    assert all(each[name] == 0 for name in ("geometry", "angle", "rendering"))
+    np.testing.assert_allclose(found["combined"], np.sqrt((found["deviation"] ** 2).sum("source")), rtol=1e-12)
+    assert float(found["combined"].max()) == pytest.approx(np.sqrt(sum(v**2 for v in expected.values())), rel=0.1)
 
 
 def test_a_perturbed_reference_has_every_source_once():
