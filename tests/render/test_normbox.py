@@ -206,6 +206,30 @@ def test_finished_predictions_are_found_again(llvm, tmp_path, monkeypatch):
     xr.testing.assert_identical(first, again)
 
 
+def test_all_that_decides_a_prediction_is_in_its_name():
+    """Finished parts are found again by it: a change of anything must not find those of before."""
+    from dataclasses import replace
+
+    made, paint = (of_model("cook-torrance-1982", {"alpha": a, "eta": 1.5, "k_d": 0.3}, W) for a in (0.5, 0.4))
+    job = predictions.Job(Box(), made, {1: made, 2: made}, (30.0, 75.0), W, np.ones((25, 4)), 16)
+    other = replace(job, light=job.light.copy())
+    other.light[3, 2] += 1e-6
+    changed = [
+        other,
+        replace(job, box=Box(sample_mm=41.0)),
+        replace(job, wall=paint),
+        replace(job, patches={1: made, 2: paint}),
+        replace(job, angles_deg=(30.0, 75.5)),
+        replace(job, wavelength_nm=W + 0.1),
+        replace(job, samples=17),
+        replace(job, seed=1),
+        replace(job, max_depth=2),
+    ]
+    keys = [j.key("llvm") for j in (job, *changed)] + [job.key("scalar")]
+    assert len(set(keys)) == len(keys)
+    assert replace(job, light=job.light.copy()).key("llvm") == keys[0]
+
+
 # ---- comparison and error model on numbers known beforehand
 def arrays(factor=1.1):
     w = np.linspace(400, 700, 31)
