@@ -132,6 +132,31 @@ def test_each_source_of_error(facets):
     np.testing.assert_allclose(parts.sel(source="angle").values[inner], slope[inner], rtol=0.02, atol=1e-5)
 
 
+@pytest.mark.parametrize("sigma", [0.0, 0.1])
+def test_error_of_the_factor_is_that_of_a_mean(sigma):
+    """Four angles at ±3 %: spread 3 %·√(4/3) over √4; counts known to 10 % each, more than they spread: 10 %/√4."""
+    angles = np.array([-60.0, -20.0, 20.0, 60.0])
+    white = counted(IDEAL, lambert(1.0), [10], angles, 0, noisy=False)
+    counts = white["counts"] * (1 + 0.03 * np.array([-1, 1, 1, -1]))[:, None]
+    white = white.assign(counts=counts, counts_stderr=sigma * counts)
+    factor = calibration_factor(white, lambertian_standard(NM, [1.0] * 3), theta_o_deg=angles)
+    np.testing.assert_allclose(factor.factor, LAMP, rtol=1e-12)
+    expected = 0.03 * np.sqrt(4 / 3) / 2 if sigma == 0 else 0.1 * np.sqrt(1 + 0.03**2) / 2
+    np.testing.assert_allclose(factor.factor_stderr / factor.factor, expected, rtol=1e-9)
+    found = calibrate(white.assign(counts_stderr=0 * counts), factor, repeatability_deg=0)
+    np.testing.assert_allclose(found.brdf_stderr / found.brdf, np.full((1, 4, 3), expected), rtol=1e-9)
+
+
+def test_one_angle_of_incidence_still_has_that_of_the_cosine():
+    """f = g/cos θ_i: an error of the stage of 0.1° makes f tan θ_i · 0.1°, although no neighbour tells f's slope."""
+    standard = counted(IDEAL, lambert(), [10], np.arange(-80, 81, 10), 0, noisy=False)
+    factor = calibration_factor(standard, lambertian_standard(NM, [0.99] * 3))
+    sample = counted(IDEAL, lambert(0.5), [60], np.arange(-60, 61, 5), 0, noisy=False)
+    found = calibrate(sample, factor, repeatability_deg=0.1)
+    part = found.brdf_stderr_by_source.sel(source="angle") / found.brdf
+    np.testing.assert_allclose(part, np.tan(np.radians(60)) * np.radians(0.1), rtol=1e-9)
+
+
 def test_tilt_of_the_first_configuration(facets):
     """4° and 8°: at normal incidence the mirror direction stays one, at 60° it is missed by 4°."""
     tilt = Tilt()
@@ -244,6 +269,19 @@ def test_aperture_and_divergence_convolve_a_lobe():
     wider = sigma**2 + (a**2 + b**2) / 16
     assert seen[0] == pytest.approx(1 / wider, rel=0.01)
     assert seen[0] < 0.85 / sigma**2
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_each_cone_weighs_with_its_cosine(side):
+    """f = 1/cos θ of one side: averaged with cos θ_i cos θ_o that is 1/⟨cos θ⟩ = 2/(cos 60° (1 + cos a)).
+
+    The other side's cone changes nothing: which is which can be told.
+    """
+    brdf = IsotropicBrdf(NM, lambda wi, wo: np.repeat(1 / (wi, wo)[side][:, 2:], 3, axis=1), "")
+    own, other = (("divergence_deg", "aperture_deg"), ("aperture_deg", "divergence_deg"))[side]
+    wide = {own: 20.0, other: 6.0}
+    seen = Instrument(bandwidth_nm=0, spot_mm=1e-3, **wide).seen(brdf, [60], [-60]).brdf
+    np.testing.assert_allclose(seen, 2 / (0.5 * (1 + np.cos(np.radians(10)))), rtol=1e-12)
 
 
 def test_a_simulated_result_through_the_instrument(facets):
