@@ -87,6 +87,22 @@ def test_csv_units_are_stated_or_recognised(tmp_path):
         rows(plain, (30, -45, 550, "x"))
 
 
+def test_errors_are_in_the_unit_of_their_column(tmp_path):
+    """A column of errors says its unit, or has that of the BRDF."""
+    path = tmp_path / "a.csv"
+    for head, values in (
+        ("brdf_percent,brdf_stderr_percent", "25,1"),
+        ("brdf_percent,brdf_stderr", "25,1"),
+        ("brdf_percent,brdf_stderr_per_sr", "25,0.01"),
+        ("brdf_per_sr,brdf_stderr_percent", "0.25,1"),
+        ("brdf_reflectance_factor,brdf_stderr", f"{0.25 * np.pi},{0.01 * np.pi}"),
+    ):
+        path.write_text(f"theta_i_deg,theta_o_deg,wavelength_nm,{head}\n30,-45,550,{values}\n")
+        data = formats.read(path)
+        assert data.brdf.item() == pytest.approx(0.25, rel=1e-12), head
+        assert data.brdf_stderr.item() == pytest.approx(0.01, rel=1e-12), head
+
+
 # ---- ASTM
 def test_astm_in_plane(tmp_path, in_plane):
     """Radians of ten decimals; a pair with a gap cannot be written."""
@@ -466,6 +482,16 @@ def test_directions_that_are_no_rings(facets, pairs):
     np.testing.assert_allclose(found(wi, wo), brdf(wi, wo), rtol=1e-9)
     between = pairs(200, 9, 70.0)[1]
     np.testing.assert_allclose(found(wi[:200], between), brdf(wi[:200], between), rtol=0.05)
+
+
+def test_light_from_the_negative_side_is_turned(facets):
+    """A hemisphere at θ_i = −40° is that at 40° turned by 180°: the same isotropic BRDF, to the cells' size (0.5 %)."""
+    brdf = facets(0.4, 0.2)
+    wo = unit_vectors(*np.radians(np.meshgrid(np.arange(5, 70, 10.0), np.arange(0, 360, 24.0)))).reshape(-1, 3)
+    wi = np.tile(unit_vectors(np.radians(40)), (len(wo), 1))
+    for theta_i in (40, -40):
+        found = isotropic(sampled(brdf, [theta_i], resolution_deg=5))(wi, wo)
+        np.testing.assert_allclose(found, brdf(wi, wo), rtol=0.01)
 
 
 def test_hemispheres_keep_lobes_that_move(facets, pairs):
