@@ -52,7 +52,7 @@ def simulate(
 
     The tree has the groups that were made: surface, rays, waves (waves_<theory> for further theories), measured,
     comparison; its attributes hold the scene, the plan with what was expected of each part, the provenance, and what
-    each part took, `seconds` and `memory_bytes` (the largest of the process meanwhile), as JSON.
+    each part took, `seconds`, `processor_seconds` and `memory_bytes` (the largest of the process meanwhile), as JSON.
     When interrupted, the groups that are complete are kept in <output>.partial.nc and KeyboardInterrupt goes on.
 
     Raises InputError, FileFormatError or MaterialError for bad input, ToleranceError where no methods meet
@@ -91,18 +91,20 @@ class _Run:
 
     def __init__(self, progress: Progress | None) -> None:
         self.seconds: dict[str, float] = {}
+        self.processor: dict[str, float] = {}
         self.memory: dict[str, int] = {}
         self.report = progress
 
     @contextmanager
     def part(self, name: str) -> Iterator[assembly.Progress | None]:
         """Time a part; gives the solver's callback, which takes the fraction done alone."""
-        begin = time.perf_counter()
+        begin, used = time.perf_counter(), time.process_time()
         if self.report is not None:
             self.report(name, 0.0)
         with Watch(step=0.02) as memory:
             yield (lambda fraction: self.report(name, fraction)) if self.report is not None else None  # type: ignore[misc]
         self.seconds[name] = round(time.perf_counter() - begin, 3)
+        self.processor[name] = round(time.process_time() - used, 3)
         if memory.peak is not None:
             self.memory[name] = memory.peak
         if self.report is not None:
@@ -110,7 +112,11 @@ class _Run:
 
     def store(self, tree: xr.DataTree) -> None:
         """Into the result, beside what the plan expected."""
-        tree.attrs |= {"seconds": json.dumps(self.seconds), "memory_bytes": json.dumps(self.memory)}
+        tree.attrs |= {
+            "seconds": json.dumps(self.seconds),
+            "processor_seconds": json.dumps(self.processor),
+            "memory_bytes": json.dumps(self.memory),
+        }
 
 
 def _groups(scene: Scene, plan: Plan, inputs: assembly.Inputs, run: _Run) -> Iterator[tuple[str, xr.Dataset]]:

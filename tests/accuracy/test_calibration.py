@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import replace
 
 import pytest
@@ -39,7 +40,8 @@ def test_what_is_kept_comes_back(quick):
 
 def test_each_number_of_threads_has_its_entry(quick, monkeypatch):
     two = vg.accuracy.calibrate()
-    assert "no calibration for 1 threads" in calibration(1).why_not
+    assert calibration(1).why_not == "not for 1 thread"
+    assert str(calibration(1)).startswith("calibrated on this machine")
     assert calibration(1).speeds == two.speeds  # still nearer than another machine's
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     one = vg.accuracy.calibrate()
@@ -71,6 +73,39 @@ def test_what_does_not_fit_is_not_used(quick, spoil, why):
     assert "vgonio accuracy --calibrate" in str(found)
     vg.accuracy.calibrate()  # and a new one takes its place
     assert calibration().why_not == ""
+
+
+def test_libraries_that_changed_are_told_and_the_figures_still_used(quick, monkeypatch):
+    """Nearer than another machine's, but no longer quite true."""
+    made = vg.accuracy.calibrate()
+    assert {"numpy", "scipy", "embreex", "finufft"} <= set(made.libraries)
+    older = json.loads(quick.read_text())
+    older["threads"]["2"]["libraries"] |= {"numpy": "1.0"}
+    del older["threads"]["2"]["libraries"]["finufft"]
+    quick.write_text(json.dumps(older))
+    found = calibration()
+    assert found.speeds == made.speeds
+    now = made.libraries
+    assert found.why_not == f"numpy 1.0 has become {now['numpy']}, finufft (none) has become {now['finufft']}"
+    assert str(found).startswith("calibrated on this machine")
+    assert "vgonio accuracy --calibrate" in str(found)
+    vg.accuracy.calibrate()
+    assert calibration().why_not == ""
+
+
+def test_a_driver_of_opencl_that_changed_is_told(quick, monkeypatch, tmp_path):
+    """As its own files say it, so that OpenCL need not be loaded to know."""
+    library = tmp_path / "libdriver.so.1"
+    library.write_text("")
+    (tmp_path / "vendor.icd").write_text(f"{library}\n")
+    monkeypatch.setenv("OCL_ICD_VENDORS", str(tmp_path))
+    vg.accuracy.calibrate()
+    assert calibration().why_not == ""
+    os.utime(library, (0, 0))
+    assert calibration().why_not.startswith("OpenCL drivers vendor (libdriver.so.1, ")
+    vg.accuracy.calibrate()
+    monkeypatch.setenv("VGONIO_OPENCL_DEVICE", "another")
+    assert calibration().why_not == "OpenCL device (none) has become another"
 
 
 def test_where_it_lies(monkeypatch, tmp_path):

@@ -10,7 +10,7 @@ import json
 import math
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from typing import Any
 from ..errors import FileFormatError, InputError, whole
 from ..files import json_of, written_whole
 from .built_in import BUILT_IN, MACHINE
+from .libraries import changes, libraries
 from .measuring import machine
 from .speeds import Speeds
 
@@ -28,19 +29,24 @@ OFF = "off"
 
 @dataclass(frozen=True)
 class Calibration:
-    """Speeds of a machine at a number of threads;  why_not : the reason why they are not of this one, or empty"""
+    """Speeds of a machine at a number of threads
+
+    why_not : the reason why they are not quite those of this run, or empty;  libraries : by name, their versions
+    """
 
     machine: str
     threads: int
     date: str
     speeds: Speeds
     why_not: str = ""
+    libraries: Mapping[str, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
         count = "1 thread" if self.threads == 1 else f"{self.threads} threads"
-        if not self.why_not:
-            return f"calibrated on this machine, {self.date[:10]}, {count}"
-        return f"figures of another machine ({self.machine}, {count}): {self.why_not}; `{COMMAND}` takes 20 s"
+        if not self.date:
+            return f"figures of another machine ({self.machine}, {count}): {self.why_not}; `{COMMAND}` takes 20 s"
+        made = f"calibrated on this machine, {self.date[:10]}, {count}"
+        return f"{made}, but {self.why_not}: `{COMMAND}` takes 20 s" if self.why_not else made
 
 
 def threads_used() -> int:
@@ -79,15 +85,18 @@ def calibrate(
         found |= some
         if progress:
             progress("calibration", (n + 1) / TRIALS)
-    made = Calibration(_name(), threads, _now(), Speeds(**found))
+    made = Calibration(_name(), threads, _now(), Speeds(**found), libraries=libraries())
     if path is not None:
         _write(made, path)
     return made
 
 
 def calibration(threads: int | None = None) -> Calibration:
-    """The calibration of this machine for so many threads (None: `threads_used`); where there is none that fits, with
-    the reason in `why_not`, that of another number of threads, or the built-in figures of a named machine."""
+    """The calibration of this machine for so many threads (None: `threads_used`).
+
+    With the reason in `why_not` one made before a numerical library changed, that of another number of threads, or the
+    built-in figures of a named machine.
+    """
     threads = threads_used() if threads is None else threads
     path = calibration_path()
     try:
@@ -95,13 +104,13 @@ def calibration(threads: int | None = None) -> Calibration:
         why = "" if entries else "VGONIO_CALIBRATION is off"
     except FileFormatError as e:
         entries, why = {}, str(e)
-    if threads in entries:
-        return entries[threads]
     nearest = min(entries or BUILT_IN, key=lambda n: abs(math.log(n / threads)))
-    if entries:
-        kept = entries[nearest]
-        return Calibration(kept.machine, nearest, kept.date, kept.speeds, f"no calibration for {threads} threads")
-    return Calibration(MACHINE, nearest, "", BUILT_IN[nearest], why)
+    if not entries:
+        return Calibration(MACHINE, nearest, "", BUILT_IN[nearest], why)
+    kept = entries[nearest]
+    reasons = [changes(kept.libraries, libraries())]
+    reasons += [f"not for {threads} thread{'s' if threads > 1 else ''}"] if nearest != threads else []
+    return replace(kept, why_not="; ".join(r for r in reasons if r))
 
 
 def _entries(path: Path) -> dict[int, Calibration]:
@@ -120,7 +129,11 @@ def _entries(path: Path) -> dict[int, Calibration]:
             raise FileFormatError(f"the calibration is of another machine ({kept['machine']})")
         return {
             whole("threads", int(n), 1): Calibration(
-                kept["machine"], int(n), str(entry["date"]), speeds_of(entry["speeds"])
+                kept["machine"],
+                int(n),
+                str(entry["date"]),
+                speeds_of(entry["speeds"]),
+                libraries={str(k): str(v) for k, v in entry.get("libraries", {}).items()},
             )
             for n, entry in kept["threads"].items()
         }
@@ -152,7 +165,10 @@ def _write(made: Calibration, path: Path) -> None:
         "format": FORMAT,
         "version": __version__,
         "machine": made.machine,
-        "threads": {str(n): {"date": e.date, "speeds": asdict(e.speeds)} for n, e in sorted(entries.items())},
+        "threads": {
+            str(n): {"date": e.date, "libraries": dict(e.libraries), "speeds": asdict(e.speeds)}
+            for n, e in sorted(entries.items())
+        },
     }
     with written_whole(path) as stream:
         stream.write((json.dumps(kept, indent=1) + "\n").encode())

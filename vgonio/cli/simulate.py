@@ -79,6 +79,7 @@ def simulate(
         print_json({"title": tree.attrs["title"], "parts": _parts(tree)})
     elif not quiet:
         _tell(tree)
+        _say_of_the_forecast(tree)
         for key, value in json.loads(tree.attrs["plan"]).get("chosen", {}).items():
             print(f"chosen: {key} = {value}")
         page = page_asked(checked, output, report)
@@ -100,6 +101,15 @@ def _say_long(made: Plan) -> None:
 
     if made.seconds > LONG and not is_quiet():
         print(f"expected time: {duration(made.seconds)} ({made.machine})", file=sys.stderr)
+
+
+def _say_of_the_forecast(tree: Any) -> None:
+    """A line where the run took more than twice or less than half of what was expected."""
+    from ..planning.record import disagreement
+
+    said = disagreement(*(json.loads(tree.attrs.get(k, "{}")) for k in ("plan", "seconds", "processor_seconds")))
+    if said:
+        print(f"time: {said}")
 
 
 def _missed(tree: Any, asked: float | None) -> list[str]:

@@ -29,15 +29,15 @@ def warnings_of(scene: Scene, inputs: Inputs, expected: Mapping[str, Forecast]) 
 
 def _long(scene: Scene, expected: Mapping[str, Forecast]) -> list[str]:
     """A line where the scalar waves are long work, and whether they would be begun at all."""
-    from ..wave import cost
+    from ..wave import forecast
     from ..wave.theories import THEORIES
 
     groups = [name for name, theory in wave_groups(scene).items() if theory in THEORIES]
     seconds = sum(expected[name].seconds for name in groups if name in expected)
-    if seconds <= cost.WARN_SECONDS:
+    if seconds <= forecast.WARN_SECONDS:
         return []
-    refused = f"; more than {cost.MOST_SECONDS / 3600:.0f} h are refused" if seconds > cost.MOST_SECONDS else ""
-    return [f"waves: {cost.remedy(seconds)}{refused}"]
+    refused = f"; more than {forecast.MOST_SECONDS / 3600:.0f} h are refused" if seconds > forecast.MOST_SECONDS else ""
+    return [f"waves: {forecast.remedy(seconds)}{refused}"]
 
 
 def _largest_theta_o(scene: Scene) -> float:

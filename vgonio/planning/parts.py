@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .. import assembly
 from ..accuracy.calibrating import Calibration
 from ..accuracy.speeds import Speeds
+from ..directions import Detector, Incoming
 from ..scene import Scene
 from ..surface import Heightfield
 from .forecast import LEAST_WAVE_TOL, MB, Forecast
 from .sizes import FEWEST_FOR_SHIFT, detector_elements, result_groups
+
+if TYPE_CHECKING:
+    from ..wave import FullWave, IteratedKirchhoff
 
 # in units of the time that a point of a surface takes for its first phase (`Speeds.phase`), measured beside it
 READ, LEVEL, SUMMARY, SAMPLE_BYTES = 0.4, 4.0, 4.0, 60.0
@@ -95,30 +100,45 @@ def _rays(scene: Scene, surface: Heightfield, on: Calibration) -> Forecast | Non
 
 
 def wave_part(scene: Scene, surface: Heightfield, theory: str, speeds: Speeds) -> Forecast | None:
+    gonio = assembly.gonioreflectometer(scene)
+    return of_waves(assembly.waves(scene, theory), surface, gonio.incoming, gonio.detector, speeds)
+
+
+def of_waves(
+    solver: Any, surface: Heightfield, incoming: Incoming, detector: Detector, speeds: Speeds
+) -> Forecast | None:
+    """Of `solver.scatter(surface, incoming, detector)`, without libraries; None for a solver that is none of waves."""
     from ..wave import FullWave, IteratedKirchhoff, Kirchhoff
 
-    gonio, solver = assembly.gonioreflectometer(scene), assembly.waves(scene, theory)
     if isinstance(solver, FullWave):
-        from ..wave.full_wave import forecast
-
-        expected = forecast(solver, surface, gonio.incoming)
-        # for large systems the factorisation is what counts, and its speed was measured by itself
-        flops = FLOPS * expected.price.unknowns**3 * expected.windows * len(solver.wavelength_nm)
-        seconds = max(expected.seconds * speeds.kernel, flops * speeds.flop)
-        return Forecast(seconds, expected.price.bytes, max(solver.tol, LEAST_WAVE_TOL), 1 / np.sqrt(expected.windows))
+        return _full_wave(solver, surface, incoming, speeds)
     if isinstance(solver, IteratedKirchhoff):
-        from ..wave.iterated.forecast import counts
+        return _iterated(solver, surface, incoming, speeds)
+    if isinstance(solver, Kirchhoff):
+        from .wave_forecast import wave_forecast
 
-        n = counts(solver, surface, gonio.incoming)
-        pair = speeds.profile_pair if surface.is_profile else speeds.patch_pair
-        seconds = n.pairs * pair + n.far * speeds.far_term
-        memory = PROFILE_PAIR_BYTES * n.points**2 if surface.is_profile else PATCH_BYTES * n.points
-        return Forecast(seconds, memory, max(solver.tol, SPACING_ERROR[surface.is_profile]), 1 / np.sqrt(n.independent))
-    if not isinstance(solver, Kirchhoff):
-        return None
-    from .wave_forecast import wave_forecast
+        return wave_forecast(solver, surface, incoming, detector, speeds)
+    return None
 
-    return wave_forecast(solver, surface, gonio.incoming, gonio.detector, speeds)
+
+def _full_wave(solver: FullWave, surface: Heightfield, incoming: Incoming, speeds: Speeds) -> Forecast:
+    from ..wave.full_wave import forecast
+
+    expected = forecast(solver, surface, incoming)
+    # for large systems the factorisation is what counts, and its speed was measured by itself
+    flops = FLOPS * expected.price.unknowns**3 * expected.windows * len(solver.wavelength_nm)
+    seconds = max(expected.seconds * speeds.kernel, flops * speeds.flop)
+    return Forecast(seconds, expected.price.bytes, max(solver.tol, LEAST_WAVE_TOL), 1 / np.sqrt(expected.windows))
+
+
+def _iterated(solver: IteratedKirchhoff, surface: Heightfield, incoming: Incoming, speeds: Speeds) -> Forecast:
+    from ..wave.iterated.forecast import counts
+
+    n = counts(solver, surface, incoming)
+    pair = speeds.profile_pair if surface.is_profile else speeds.patch_pair
+    seconds = n.pairs * pair + n.far * speeds.far_term
+    memory = PROFILE_PAIR_BYTES * n.points**2 if surface.is_profile else PATCH_BYTES * n.points
+    return Forecast(seconds, memory, max(solver.tol, SPACING_ERROR[surface.is_profile]), 1 / np.sqrt(n.independent))
 
 
 FLOPS = 0.67  # of n³: a factorisation of complex numbers, n unknowns, when half of them are eliminated
