@@ -21,7 +21,14 @@ import vgonio as vg
 
 PER_100_NM = 1e4  # nm⁻¹ → % per 100 nm
 BRIGHT = 1e-2  # of the lobe's largest value: below it nothing is seen and everything is noise
-PARTS = {"single": 1.0, "multiple": 2.0, "total": 1.0}
+PARTS = {"single": 1.0, "multiple": 2.0, "tangent": 1.0, "total": 1.0}
+BRDFS = (*PARTS, "rays_single", "rays_multiple")
+STYLES: dict[str, dict] = {
+    "single": {"fmt": "o-", "lw": 1, "color": "#0b4a8f", "label": "single reflections"},
+    "multiple": {"fmt": "o-", "lw": 1, "color": "#5aa2d9", "label": "multiple reflections"},
+    "tangent": {"fmt": "--", "lw": 1, "color": "#8a93a0", "label": "all, tangent planes alone"},
+    "total": {"fmt": "-", "lw": 1.6, "color": "#1a2230", "label": "all, with diffraction"},
+}
 
 
 def load(folder: Path, sample: int, fine_nm: float = 0.0) -> xr.Dataset:
@@ -55,57 +62,57 @@ def side(values: xr.DataArray, theta_i: float, which: str) -> xr.DataArray:
     return values.sel(theta_i=theta_i).where((theta <= -10) if which == "forward" else (theta >= 10), drop=True)
 
 
+def side_slope(brdf: xr.DataArray, theta_i: float, which: str, p: float) -> xr.DataArray:
+    """Slope of all light of a side: Σ BRDF · cos θ_o, from every direction the Fresnel reflectance taken out."""
+    some = side(brdf, theta_i, which)
+    facet = np.cos(np.deg2rad(theta_i - some["theta_o"].values) / 2)
+    fresnel = vg.materials.material("Al").reflectance(facet, some["wavelength"].values)
+    weight = np.cos(np.deg2rad(some["theta_o"].values))[:, None] / fresnel**p
+    light = (some * xr.DataArray(weight, dims=("theta_o", "wavelength"))).sum("theta_o")
+    spectrum = light.expand_dims(theta_i=[theta_i], theta_o=[0.0])
+    fit = vg.compare.fit_local_shift(xr.Dataset({"brdf": spectrum}), material=None, p=0.0)
+    return fit["slope"].squeeze(drop=True) * PER_100_NM
+
+
 def table(data: xr.Dataset, theta_i: float) -> list[dict[str, float | str]]:
-    """Mean slope of each side of the lobe, each direction weighted with its BRDF · cos θ_o; of one row, no error."""
+    """Slope of the light of each side of the lobe, of every part; of one row, no error."""
     rows: list[dict[str, float | str]] = []
     for which in ("forward", "back"):
         for part, p in PARTS.items():
-
-            def mean(brdf: xr.DataArray, which: str = which, p: float = p) -> xr.DataArray:
-                m = side(slopes(brdf, p), theta_i, which)
-                weight = side(brdf.mean("wavelength") * np.cos(np.deg2rad(brdf["theta_o"])), theta_i, which)
-                return m.weighted(weight.where(m.notnull(), 0.0)).mean("theta_o")
-
-            value, error = jackknife(data[part], mean)
+            value, error = jackknife(data[part], lambda b, w=which, p=p: side_slope(b, theta_i, w, p))
             rows.append({"side": which, "part": part, "slope": float(value), "error": float(error)})
     return rows
 
 
-def shares(data: xr.Dataset, theta_i: float, which: str) -> tuple[float, float]:
-    """Share of multiple reflections in the light of a side: (waves at 600 nm, rays)."""
-    found = []
-    for single, multiple in (("single", "multiple"), ("rays_single", "rays_multiple")):
-        one, more = (data[n].mean("row") for n in (single, multiple))
-        one, more = (a.sel(wavelength=600.0) if "wavelength" in a.dims else a for a in (one, more))
-        cosine = np.cos(np.deg2rad(one["theta_o"]))
-        one, more = (float((side(a, theta_i, which) * cosine).sum()) for a in (one, more))
-        found.append(more / (one + more) if one + more else 0.0)
-    return found[0], found[1]
+def shares(data: xr.Dataset, theta_i: float, which: str) -> dict[str, float]:
+    """Shares in the light of a side: multiple reflections by waves at 600 nm and by rays, the change by diffraction
+    (Σ|Δ| over all wavelengths); and the side's own share in all light."""
+    cosine = np.cos(np.deg2rad(data["theta_o"]))
+    light = data.mean("row") * cosine
+    some = xr.Dataset({name: side(light[name], theta_i, which) for name in BRDFS})
+    total = some.sum()
+    yellow = some.sel(wavelength=600.0).sum()
+    return {
+        "waves": float(yellow["multiple"] / (yellow["single"] + yellow["multiple"])),
+        "rays": float(total["rays_multiple"] / (total["rays_single"] + total["rays_multiple"])),
+        "diffraction": float(abs(some["total"] - some["tangent"]).sum() / total["total"]),
+        "side": float(total["total"] / light["total"].sel(theta_i=theta_i).sum()),
+    }
 
 
 def figure(samples: Mapping[str, xr.Dataset], theta_i: float):
-    """Above: slope against θ_o, single and multiple apart; below: share of multiple reflections, waves and rays."""
+    """Above: slope against θ_o, by parts; below: shares of multiple reflections and of diffraction at 600 nm."""
     from matplotlib.figure import Figure
 
-    made = Figure(figsize=(max(5.6, 2.6 * len(samples)), 4.8), layout="constrained")
+    made = Figure(figsize=(max(7.0, 2.6 * len(samples)), 5.2), layout="constrained")
     grid = made.subplots(2, len(samples), sharex=True, sharey="row", squeeze=False)
-    colours = {"single": "#0b4a8f", "multiple": "#5aa2d9", "total": "#1a2230"}
     for column, (title, data) in zip(grid.T, samples.items()):
         for part, p in PARTS.items():
             value, error = jackknife(data[part], lambda brdf, p=p: slopes(brdf, p).sel(theta_i=theta_i))
-            column[0].errorbar(
-                value["theta_o"], value, error, fmt="o-" if part != "total" else "-", ms=2.5, lw=1,
-                color=colours[part], label=part, elinewidth=0.6,
-            )  # fmt: skip
+            column[0].errorbar(value["theta_o"], value, error, ms=2.5, elinewidth=0.6, **STYLES[part])
         column[0].axhline(0, color="#b9c0ca", lw=0.8, zorder=0)
         column[0].set_title(title, fontsize=9, loc="left")
-        for names, style, label in (
-            (("single", "multiple"), "-", "waves, 600 nm"),
-            (("rays_single", "rays_multiple"), "--", "rays"),
-        ):
-            one, more = (data[n].mean("row").sel(theta_i=theta_i) for n in names)
-            one, more = (a.sel(wavelength=600.0) if "wavelength" in a.dims else a for a in (one, more))
-            column[1].plot(one["theta_o"], 100 * more / (one + more), style, color="#1a2230", lw=1, label=label)
+        draw_shares(column[1], data.mean("row").sel(theta_i=theta_i))
         for ax in column:
             ax.axvline(-theta_i, color="#5c6675", lw=0.7, ls=(0, (4, 3)), zorder=0)
             ax.set_xlim(-90, 90)
@@ -113,11 +120,26 @@ def figure(samples: Mapping[str, xr.Dataset], theta_i: float):
             ax.spines[["top", "right"]].set_visible(False)
     grid[0, 0].set_ylim(-40, 40)
     grid[0, 0].set_ylabel("shift (% per 100 nm)")
-    grid[1, 0].set_ylabel("multiple reflections (%)")
-    grid[0, 0].legend(fontsize=7.5, frameon=False)
-    grid[1, 0].legend(fontsize=7.5, frameon=False)
+    grid[1, 0].set_ylim(0, 60)
+    grid[1, 0].set_ylabel("share of the light (%)")
+    look = {"ncols": 4, "fontsize": 7.5, "frameon": False}
+    made.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper left", **look)
+    made.legend(*grid[1, 0].get_legend_handles_labels(), loc="outside lower left", **look)
     made.supxlabel(f"angle of reflection θₒ (°) for θᵢ = {theta_i:g}°, back-scattering to the right", fontsize=9)
     return made
+
+
+def draw_shares(ax, data: xr.Dataset) -> None:
+    """Multiple reflections over the sum of single and multiple ones, by waves and by rays; change by diffraction over
+    all."""
+    waves = data.sel(wavelength=600.0)
+    theta_o = data["theta_o"]
+    shares = waves["multiple"] / (waves["single"] + waves["multiple"])
+    rays = data["rays_multiple"] / (data["rays_single"] + data["rays_multiple"])
+    change = abs(waves["total"] - waves["tangent"]) / waves["total"]
+    ax.plot(theta_o, 100 * shares, color="#1a2230", lw=1, label="multiple reflections, waves at 600 nm")
+    ax.plot(theta_o, 100 * rays, "--", color="#1a2230", lw=1, label="multiple reflections, rays")
+    ax.plot(theta_o, 100 * change, color="#c2571a", lw=1, label="|change by diffraction|, waves at 600 nm")
 
 
 def quick() -> dict[str, xr.Dataset]:
@@ -158,9 +180,11 @@ def main(arguments: list[str] | None = None) -> None:
     for title, data in samples.items():
         for row in table(data, asked.theta_i):
             line = f"{title:30} {row['side']:8}{row['part']:9}{row['slope']:+7.2f} ± {row['error']:.2f}"
+            of = shares(data, asked.theta_i, str(row["side"]))
             if row["part"] == "multiple":
-                waves, rays = shares(data, asked.theta_i, str(row["side"]))
-                line += f"   share {100 * waves:.2g} % (waves), {100 * rays:.2g} % (rays)"
+                line += f"   share {of['waves']:.2%} (waves), {of['rays']:.2%} (rays)"
+            if row["part"] == "total":
+                line += f"   changed by diffraction {of['diffraction']:.2%}, {of['side']:.2%} of all light"
             print(line)
     if asked.output:
         figure(samples, asked.theta_i).savefig(asked.output, dpi=150)

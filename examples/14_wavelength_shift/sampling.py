@@ -14,7 +14,7 @@ import warnings
 
 import numpy as np
 import xarray as xr
-from analyse import jackknife, side, slopes
+from analyse import jackknife, side_slope
 from simulate import GONIO, QUICK, QUICK_WAVELENGTHS, WAVELENGTHS, profile
 
 import vgonio as vg
@@ -40,13 +40,9 @@ def error_of(brdf: xr.DataArray, converged: xr.DataArray) -> float:
 
 
 def forward(brdf: xr.DataArray) -> xr.DataArray:
-    """Mean slope of the forward side for each θ_i, weighted with BRDF · cos θ_o."""
-    found = []
+    """Slope of the light of the forward side for each θ_i."""
     angles = [t for t in (20.0, 40.0, 60.0) if t in brdf["theta_i"]]
-    for theta_i in angles:
-        m = side(slopes(brdf, 1.0), theta_i, "forward")
-        weight = side(brdf.mean("wavelength") * np.cos(np.deg2rad(brdf["theta_o"])), theta_i, "forward")
-        found.append(m.weighted(weight.where(m.notnull(), 0.0)).mean("theta_o"))
+    found = [side_slope(brdf, theta_i, "forward", 1.0) for theta_i in angles]
     return xr.concat(found, xr.DataArray(angles, dims="theta_i", name="theta_i"))
 
 

@@ -27,6 +27,7 @@ GONIO = vg.measure.Gonioreflectometer(
 )
 QUICK = vg.measure.Gonioreflectometer([40], range(-85, 86, 5), aperture_deg=4.0, coherence_um=10.0)
 QUICK_WAVELENGTHS = (450.0, 600.0, 750.0)
+POINTS, FINE_POINTS = 10.0, 15.0  # per wavelength; 10 change the back-scattering of fine roughness by 1.5 % at 750 nm
 
 
 def profile(sample: int, row: int) -> vg.surface.Heightfield:
@@ -56,13 +57,18 @@ def with_fine_roughness(surface: vg.surface.Heightfield, rms_um: float, seed: in
     )
 
 
-def orders(surface: vg.surface.Heightfield, wavelengths: Sequence[float], windows: int = 4, gonio=GONIO) -> xr.Dataset:
-    """BRDF by number of reflections from iterated Kirchhoff, and the rays' shares beside it."""
+def orders(
+    surface: vg.surface.Heightfield, wavelengths: Sequence[float], windows: int = 4, gonio=GONIO, per: float = 10.0
+) -> xr.Dataset:
+    """BRDF from iterated Kirchhoff with `per` points per wavelength: by number of reflections on tangent planes, their
+    coherent sum, and that with diffraction (`total`); the rays' shares beside it."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         waves = gonio.measure(
             surface,
-            vg.wave.IteratedKirchhoff("Al", wavelengths, bounces=3, window_um=60.0, windows=windows),
+            vg.wave.IteratedKirchhoff(
+                "Al", wavelengths, bounces=3, window_um=60.0, windows=windows, points_per_wavelength=per
+            ),
         )
         rays = gonio.measure(surface, vg.geometric.RayOptics("Al", wavelength_nm=[600.0], rays=100_000))
     by = rays["brdf_by_bounce"].isel(wavelength=0, drop=True)
@@ -70,12 +76,15 @@ def orders(surface: vg.surface.Heightfield, wavelengths: Sequence[float], window
         {
             "single": waves["brdf_by_bounce"].sel(bounce=1, drop=True),
             "multiple": waves["brdf_by_bounce"].sel(bounce=slice(2, None)).sum("bounce"),
+            "tangent": waves["brdf"] - waves["brdf_diffraction"],
             "total": waves["brdf"],
             "energy": waves["energy_by_bounce"],
+            "energy_reflected": waves["energy_reflected"],
             "fresnel_macro": waves["fresnel_macro"],
             "rays_single": by.sel(bounce=1, drop=True),
             "rays_multiple": by.sel(bounce=slice(2, None)).sum("bounce"),
-        }
+        },
+        attrs={n: waves.attrs[n] for n in ("error_achieved", "sweeps_done", "sweeps_change", "diffraction_left_out")},
     )
 
 
@@ -109,7 +118,8 @@ def main(arguments: list[str] | None = None) -> None:
             surface = profile(sample, 16 * row)
             if fine:
                 surface = with_fine_roughness(surface, fine / 1000, seed=1000 * sample + row)
-            vg.save(orders(surface, asked.wavelengths, asked.windows, gonio), path)
+            per = FINE_POINTS if fine else POINTS
+            vg.save(orders(surface, asked.wavelengths, asked.windows, gonio, per), path)
         off = check(vg.open(path).to_dataset())
         print(f"{n + 1} of {len(jobs)}: {path.name}, check: {off:.2%} from the light of a flat mirror", flush=True)
 

@@ -62,6 +62,17 @@ def test_slopes_of_known_spectra(example):
     found = analyse.slopes(brdf, 1.0).values[0]
     # aluminium's spectrum hardly changes between 0 and 50°: 7 % per 100 nm to 0.2
     np.testing.assert_allclose(found, 7.0, atol=0.2)
+    # the same for the light of a side, where each direction's own reflectance is taken out: exactly, squared as well
+    for p, which, side in ((1, "forward", slice(0, 2)), (2, "back", slice(3, 4))):
+        theta_o = np.array([-60.0, -40.0, 0.0, 60.0])
+        facet = vg.materials.material("Al").reflectance(np.cos(np.deg2rad(40.0 - theta_o) / 2), wavelength)
+        slope = np.where(np.isin(np.arange(4), np.arange(4)[side]), 0.0007, 0.002)[:, None]
+        f = (1 + slope * (wavelength - 600)) * facet**p * np.array([1.0, 3.0, 20.0, 0.1])[:, None]
+        brdf = xr.DataArray(
+            f[None], dims=("theta_i", "theta_o", "wavelength"),
+            coords={"theta_i": [40.0], "theta_o": theta_o, "wavelength": wavelength},
+        )  # fmt: skip
+        assert float(analyse.side_slope(brdf, 40.0, which, p)) == pytest.approx(7.0, rel=1e-9)
 
 
 def test_jackknife_is_the_standard_error_of_a_mean(example):
@@ -87,6 +98,6 @@ def test_a_small_run_to_the_figure(example, tmp_path, monkeypatch):
     # loss by absorption alone: 8 … 9 % a reflection
     total = data["energy"].sum("bounce").values
     assert np.all((total > 0.8) & (total < 0.95))
-    assert len(analyse.table(data, 40.0)) == 6
+    assert len(analyse.table(data, 40.0)) == 8
     analyse.figure({"sample 1": data}, 40.0).savefig(tmp_path / "figure.png")
     assert (tmp_path / "figure.png").stat().st_size > 20_000
