@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import VgonioWarning
 from ..surface.heightfield import Heightfield
-from . import cost, windowed
+from . import forecast, windowed
 from .amplitudes import Model
 from .coherence import WindowPlan
 from .fourier import check_method
@@ -114,8 +114,8 @@ class Work:
     def intensities(
         self, job: Job, how: How, shadows: Shadows | None, progress: Callable[[float], None] | None = None
     ) -> Iterator[Floats]:
-        """f (outcomes, m) of every window; raises ToleranceError before work that would take days (see `cost`)."""
-        cost.require_affordable(self, job, how, shadows)
+        """f (outcomes, m) of every window; raises ToleranceError before work that would take days (see `forecast`)."""
+        forecast.require_affordable(self, job, how, shadows)
         for n, values in enumerate(self._each(job, how, shadows)):
             yield values
             if progress:

@@ -17,7 +17,7 @@ from ...directions import Detector, Incoming, wavelength_list
 from ...errors import InputError, VgonioWarning, relative_tolerance, whole
 from ...materials import Material, material
 from ...surface.heightfield import Heightfield
-from . import diffraction, windows
+from . import gratings, windows
 from .outcome import Outcome, Task
 from .panels import Floats
 from .profile import require_profile
@@ -79,7 +79,7 @@ class FullWave:
 
         Raises InputError unless the surface is periodic and the same for all y.
         """
-        return diffraction.orders(self, surface, theta_i_deg)
+        return gratings.orders(self, surface, theta_i_deg)
 
     def scatter(self, surface: Heightfield, incoming: Incoming, detector: Detector) -> xr.Dataset:
         """The BRDF of `surface`, (theta_i, detector, wavelength): power in each detector element over incident power
@@ -90,7 +90,7 @@ class FullWave:
         sign = _azimuth(incoming)
         outcomes = []
         for n, wavelength in enumerate(self.wavelength_nm):
-            solve = diffraction.scattered if surface.periodic else windows.scattered
+            solve = gratings.scattered if surface.periodic else windows.scattered
             task = Task(self, surface, incoming, detector, wavelength, polarisations, sign, self.teller(n))
             outcomes.append(solve(task))
         data = self._dataset(outcomes, surface, incoming, detector, polarisations)

@@ -13,8 +13,8 @@ from ..coherence import Window
 from ..job import Job, detector_job
 from ..polarisation import VectorKirchhoff
 from ..quadrature import Complex, Floats
-from .patch import Patch, all_orders
-from .profile import Orders
+from .patch import Patch, all_reflections
+from .profile import Reflections
 
 BLOCK, BYTES = 96, 2.5e8  # directions whose phases are held together, at most, and their bytes
 PER_SPECKLE = 5.0  # direction cosines of the energies are λ/(5ℓ) apart: alias of the window's correlation exp(−25/4)
@@ -23,7 +23,7 @@ PER_SPECKLE = 5.0  # direction cosines of the energies are λ/(5ℓ) apart: alia
 def far_sums(
     patch: Patch, fields: list[Floats], wo: Floats, k: float, progress: Callable[[float], None] | None = None
 ) -> Complex:
-    """(orders, 12, m) sums of N × E and N × H over the points that see each of wo (m, 3); 12 = 2 incident × 6."""
+    """(reflections, 12, m) sums of N × E and N × H over the points that see each of wo (m, 3); 12 = 2 incident × 6."""
     waves, sheet, share = patch.far(wo)
     flat = np.concatenate([waves.padded(f).reshape(24, -1) for f in fields]) * np.float32(patch.grid.pitch**2)
     n = flat.shape[1]
@@ -37,7 +37,7 @@ def far_sums(
         out[part].imag = c[:, 1::2] - s[:, 0::2]
         if progress:
             progress(min(1.0, (a + block) / len(wo)))
-    # phases counted from the middle of the patch: what that leaves out has magnitude one and is the same for all orders
+    # phases counted from the middle of the patch: what that leaves out has magnitude one and is the same for all
     return np.moveaxis(out.reshape(len(wo), len(fields), 12), 0, -1)
 
 
@@ -62,22 +62,22 @@ def energy_job(wi: Floats, wo: Floats, cell: float, k: float) -> Job:
 
 
 def brdf_of(sums: Complex, job: Job, model: VectorKirchhoff, area: float) -> Floats:
-    """(orders + 1, 17, *job.shape) BRDF and Mueller matrix of single orders, then of their coherent sum.
+    """(reflections + 1, 17, *job.shape) BRDF and Mueller matrix of each reflection, then of their coherent sum.
 
-    sums : (orders, 12, m) of one source
+    sums : (reflections, 12, m) of one source
     """
     both = np.concatenate([sums, sums.sum(axis=0)[None]])
     values = np.stack([model.intensity(one, job) for one in both]) * (job.prefactor / area)
     return job.gather(job.weight * values)
 
 
-def patch_orders(
+def patch_reflections(
     surface: Heightfield, window: Window, incoming: Incoming, detector: Detector, material: Material,
     wavelength_nm: float, spacing: float, bounces: int, tol: float, seed: int,
     progress: Callable[[float], None] | None = None, energies: bool = True, blocks: bool = False,
-) -> tuple[Orders, Patch]:  # fmt: skip
-    """All orders of one window and wavelength, and the patch they were found on. Without `energies`, those are 0; with
-    `blocks`, points far from each other are taken together."""
+) -> tuple[Reflections, Patch]:  # fmt: skip
+    """All reflections of one window and wavelength, and the patch they were found on. Without `energies`, those are 0;
+    with `blocks`, points far from each other are taken together."""
     phi = float(np.deg2rad(incoming.phi_deg))
     patch = Patch.of(surface, window, spacing, phi)
     k = 2 * np.pi / (wavelength_nm * 1e-3)
@@ -93,21 +93,21 @@ def patch_orders(
             if progress:
                 progress((i + start + share) / angles)
 
-        orders, error = all_orders(
+        fields, error = all_reflections(
             patch, wi, k, material, wavelength_nm, incoming.phi_deg, bounces, tol, blocks, lambda f: part(f / 2)
         )
         worst = max(worst, error)
         one = job.some(np.flatnonzero(job.source == i))
-        values = brdf_of(far_sums(patch, orders, one.wo, k), one, model, patch.area)
-        n = len(orders)
+        values = brdf_of(far_sums(patch, fields, one.wo, k), one, model, patch.area)
+        n = len(fields)
         found[:n, :, i], found[-1, :, i] = values[:n, :, i, :, 0], values[n, :, i, :, 0]
         used = max(used, n)
         if detector.kind == "hemisphere":
             energy[:, i] = found[:, 0, i] @ detector.projected_solid_angle
         elif energies:
             whole = energy_job(wi, sphere, cell, k)
-            sums = far_sums(patch, orders, sphere, k, lambda f: part(f / 2, 0.5))
+            sums = far_sums(patch, fields, sphere, k, lambda f: part(f / 2, 0.5))
             powers = brdf_of(sums, whole, model, patch.area)[:, 0, 0, 0, 0]
             energy[:n, i], energy[-1, i] = powers[:n], powers[n]
     caught = np.array([patch.caught(wi) for wi in incoming.vectors])
-    return Orders(found[:, 0], energy, used, found[-1, 1:], caught, pairs_error=worst), patch
+    return Reflections(found[:, 0], energy, used, found[-1, 1:], caught, pairs_error=worst), patch

@@ -1,4 +1,4 @@
-"""From the orders of every window to means, standard errors and Mueller matrices; what the user has to be told."""
+"""From the reflections of every window to means, standard errors and Mueller matrices; what the user has to be told."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from ...errors import VgonioWarning
 from ..quadrature import Floats
 from .diffraction import Diffraction
 from .place import Places
-from .profile import Orders
+from .profile import Reflections
 
-GROWING = 0.9  # power of one order over that before from which on the series counts as not converging
+GROWING = 0.9  # power of one reflection over that before from which on the series counts as not converging
 MISSED = 0.05  # share of the light that meets the surface again outside the patch, from which on a warning says so
 
 
-def mean(found: list[Orders], places: Places, name: str) -> tuple[Floats, Floats]:
+def mean(found: list[Reflections], places: Places, name: str) -> tuple[Floats, Floats]:
     """Mean over windows of a variable and its standard error: power sent out over power received, each summed.
 
     The standard error is that of a ratio of means; one window says nothing of it: NaN.
@@ -36,7 +36,7 @@ def mean(found: list[Orders], places: Places, name: str) -> tuple[Floats, Floats
     return average, np.sqrt(np.sum(left**2, axis=0) / (len(found) - 1) / places.independent)
 
 
-def with_mueller(data: xr.Dataset, found: list[Orders], places: Places) -> xr.Dataset:
+def with_mueller(data: xr.Dataset, found: list[Reflections], places: Places) -> xr.Dataset:
     """With Mueller matrices (…, stokes_out, stokes_in) of the coherent sum."""
     over = (*data.brdf.dims, "stokes_out", "stokes_in")
     for name, a in zip(("mueller", "mueller_stderr"), mean(found, places, "mueller")):
@@ -44,8 +44,8 @@ def with_mueller(data: xr.Dataset, found: list[Orders], places: Places) -> xr.Da
     return label(data.assign_coords(stokes_out=list("IQUV"), stokes_in=list("IQUV")))
 
 
-def stacked(spectrum: list[Orders]) -> Orders:
-    return Orders(
+def stacked(spectrum: list[Reflections]) -> Reflections:
+    return Reflections(
         np.stack([o.brdf for o in spectrum], axis=-1),
         np.stack([o.energy for o in spectrum], axis=-1),
         max(o.used for o in spectrum),
@@ -57,9 +57,9 @@ def stacked(spectrum: list[Orders]) -> Orders:
 
 
 def check_series(data: xr.Dataset, tol: float) -> None:
-    """Warn where the last order still sends out more than `tol` and hardly less than the one before."""
+    """Warn where the last reflection still sends out more than `tol` and hardly less than the one before."""
     done = int(data.attrs["bounces_done"])
-    if done < 3:  # of two orders the second may well be the stronger
+    if done < 3:  # of two reflections the second may well be the stronger
         return
     by = data["energy_by_bounce"].values
     last, before = by[:, done - 1], by[:, done - 2]

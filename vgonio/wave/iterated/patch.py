@@ -1,4 +1,4 @@
-"""Reflections of one window on a height field: points on a square grid, sight, vector fields of every order."""
+"""Reflections of one window on a height field: points on a square grid, sight, vector fields of each."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ def as_reals(fields: Complex) -> Floats:
     return np.stack([fields.real, fields.imag], axis=2).reshape(len(fields), 12, *fields.shape[2:])
 
 
-def all_orders(
+def all_reflections(
     patch: Patch, wi: Floats, k: float, material: Material, wavelength_nm: float, phi_deg: float, bounces: int,
     tol: float, blocks: bool = False, progress: Callable[[float], None] | None = None,
 ) -> tuple[list[Floats], float]:  # fmt: skip

@@ -1,4 +1,4 @@
-"""Reflections of one window on a profile: the curve and what it sees, fields of every order, powers and energies."""
+"""Reflections of one window on a profile: the curve and what it sees, fields of each, powers and energies."""
 
 from __future__ import annotations
 
@@ -109,8 +109,8 @@ class Light:
 
 
 @dataclass(frozen=True, eq=False)
-class Orders:
-    """What one window sends out, relative to its incident power: BRDF and energy, of single orders and of their sum.
+class Reflections:
+    """What one window sends out, relative to its incident power: BRDF and energy, of each and of their sum.
 
     brdf : (bounces + 2, t, elements), the last but one the coherent sum, the last that with diffraction
     energy : (bounces + 2, t);  used : bounces done;  mueller : (16, t, elements) of the last of brdf, row by row
@@ -131,7 +131,7 @@ class Orders:
 
 
 def fields(stretch: Stretch, light: Light, bounces: int, tol: float, shadowing: bool) -> tuple[Complex, Complex]:
-    """Fields u, v (n, t, orders) of all reflections, up to `bounces` or until the mean square of the next on the
+    """Fields u, v (n, t, reflections), up to `bounces` or until the mean square of the next on the
     surface is no more than `tol` of the first."""
     u, v = light.first(stretch, shadowing)
     found = [(u, v)]
@@ -156,8 +156,8 @@ def _strength(stretch: Stretch, light: Light, u: Complex, v: Complex) -> Floats:
 def reflect(
     stretch: Stretch, lights: dict[str, Light], polarisation: str, to: Directions, bounces: int, tol: float,
     shadowing: bool = True, sweeps: int = 0,
-) -> Orders:  # fmt: skip
-    """All orders of reflection of light of some polarisation, from those of `lights`: "TE", "TM" or both.
+) -> Reflections:  # fmt: skip
+    """All reflections of light of some polarisation, from those of `lights`: "TE", "TM" or both.
 
     sweeps : at most so many for diffraction (`sweeps.sweep`), none where `bounces` is 1
     """
@@ -169,7 +169,7 @@ def reflect(
     series = [fields(stretch, light, bounces, tol, shadowing) for light in lights.values()]
     most = max(u.shape[-1] for u, _ in series)
     u, v = (np.stack([_padded(s[i], most) for s in series], axis=1) for i in (0, 1))
-    far = far_amplitudes(stretch.curve, u, v, k, to.theta, seen)  # (m, lights, t, orders)
+    far = far_amplitudes(stretch.curve, u, v, k, to.theta, seen)  # (m, lights, t, reflections)
     total = far.sum(axis=-1)
     caught = _caught(stretch, theta, k) if shadowing else np.ones(len(theta))
     whole, done = total, Diffraction()
@@ -184,7 +184,7 @@ def reflect(
     power[:most] = np.einsum("mltb,l->btm", np.abs(far) ** 2, share) / incident
     for row, amplitude in ((-2, total), (-1, whole)):
         power[row] = np.einsum("mlt,l->tm", np.abs(amplitude) ** 2, share) / incident
-    return Orders(
+    return Reflections(
         to.means(power), to.total(power), most, to.means(_mueller(whole) / incident), caught, diffraction=done
     )
 
@@ -212,5 +212,5 @@ def _mueller(far: Complex) -> Floats:
     return found.reshape(16, *found.shape[2:])
 
 
-def _padded(a: Complex, orders: int) -> Complex:
-    return np.concatenate([a, np.zeros((*a.shape[:-1], orders - a.shape[-1]), a.dtype)], axis=-1)
+def _padded(a: Complex, count: int) -> Complex:
+    return np.concatenate([a, np.zeros((*a.shape[:-1], count - a.shape[-1]), a.dtype)], axis=-1)

@@ -24,12 +24,12 @@ from .beam import BEAMS, Beam
 from .choice import choose
 from .diffraction import Diffraction
 from .far_field import directions
-from .far_patch import patch_orders
+from .far_patch import patch_reflections
+from .gratings import orders
 from .limits import limits
-from .orders import orders
 from .outcome import check_patch, check_series, check_spacing, mean, stacked, with_mueller
 from .place import Places
-from .profile import WEIGHTS, Light, Orders, Stretch, reflect
+from .profile import WEIGHTS, Light, Reflections, Stretch, reflect
 from .second_hits import second_hits
 
 COARSER = 1.5  # spacing of points in the check of their number, relative to that used
@@ -44,8 +44,8 @@ class IteratedKirchhoff:
     """Multiple reflections of waves: the Kirchhoff approximation iterated between mutually visible points.
 
     The field of the first reflection comes from the tangent-plane rule where the source is seen; it propagates to every
-    point in sight, where the same rule makes the next reflection; the detector sums the orders coherently
-    (Bruce and Dainty 1991 for two orders; Obelleiro-Basteiro et al. 1995, iterative physical optics).
+    point in sight, where the same rule makes the next reflection; the detector sums the reflections coherently
+    (Bruce and Dainty 1991 for two; Obelleiro-Basteiro et al. 1995, iterative physical optics).
 
     material : name, file or Material;  wavelength_nm : (w,) nm
     bounces : at most so many reflections
@@ -53,7 +53,7 @@ class IteratedKirchhoff:
         1996, Kapp and Brown 1996), from the sum of reflections on: shadows with soft edges, light that creeps. What
         they add is brdf_diffraction; 0 leaves it out. Where they do not settle, and for materials and windows without a
         rule (diffraction_left_out), the sum of reflections stays
-    tol : the series ends before an order whose mean square field on the surface is below this share of the first's
+    tol : the series ends before a reflection whose mean square field on the surface is below this share of the first's
         (bounces_done), and the sweeps where they change no more than that. The spacing of the points makes an error of
         its own, error_achieved: after sweeps 1e-4 to 1e-3 on perfect, 2e-3 to 8e-3 on penetrable rough profiles, with a
         warning above 1 %; without them and on patches 0.2 to 10 %, since edges of shadows fall between the points
@@ -73,7 +73,7 @@ class IteratedKirchhoff:
 
     The incident power is what the lit points of the windows receive, so that the energy balance of a few windows holds.
     Profiles (all rows equal) are two-dimensional problems, with TE for s and TM for p; patches carry vector fields and
-    run on an OpenCL device. Results have `brdf_by_bounce` (each order by itself), `brdf_interference` (the sum of their
+    run on an OpenCL device. Results have `brdf_by_bounce` (each by itself), `brdf_interference` (the sum of their
     interference terms) and on profiles `brdf_diffraction` (what the sweeps change in their coherent sum), which add up
     to brdf, and the like of energies. Without sweeps the theory is that of single-valued tangent planes: where it is
     out of range, the attribute `limits` and a warning say so. `scatter` raises InputError, MaterialError and
@@ -120,7 +120,7 @@ class IteratedKirchhoff:
         self.material.check(self.wavelength_nm)  # type: ignore[union-attr]
 
     def orders(self, surface: Heightfield, theta_i_deg: Any) -> xr.Dataset:
-        """`efficiency (theta_i, order, wavelength, polarisation)` of a periodic profile, see `iterated.orders`."""
+        """`efficiency (theta_i, order, wavelength, polarisation)` of a periodic profile, see `iterated.gratings`."""
         return orders(self, surface, theta_i_deg)
 
     def scatter(self, surface: Heightfield, incoming: Incoming, detector: Detector) -> xr.Dataset:
@@ -164,8 +164,8 @@ class IteratedKirchhoff:
     # ---- profiles
     def _profile(
         self, surface: Heightfield, incoming: Incoming, detector: Detector, places: Places
-    ) -> tuple[list[Orders], float]:
-        """Orders of every window, brdf (bounces + 1, t, elements, wavelengths); and the error of the spacing."""
+    ) -> tuple[list[Reflections], float]:
+        """Reflections of every window, brdf (bounces + 1, t, elements, wavelengths); and the error of the spacing."""
         sign = np.cos(np.deg2rad(incoming.phi_deg))
         azimuths = [incoming.phi_deg, *(detector.phi_deg if detector.kind == "in-plane" else ())]
         if np.any(np.abs(np.sin(np.deg2rad(azimuths))) > 1e-9):
@@ -173,7 +173,7 @@ class IteratedKirchhoff:
         theta = sign * np.deg2rad(incoming.theta_deg)
         per = self.per(surface)
 
-        def reflections(centre: float, half: float, wavelength: float, fineness: float) -> Orders:
+        def reflections(centre: float, half: float, wavelength: float, fineness: float) -> Reflections:
             k, spacing = float(wavenumber(wavelength)), wavelength * 1e-3 / fineness
             swept = self.sweeps > 0 and self.bounces > 1 and self.shadowing
             beam = Beam(self.beam, places.length_um, half, centre, along=swept)
@@ -188,7 +188,7 @@ class IteratedKirchhoff:
                 stretch, lights, incoming.polarisation, to, self.bounces, self.tol, self.shadowing, self.sweeps
             )
 
-        def one(window: Window, wavelength: float, fineness: float, report: Progress) -> Orders:
+        def one(window: Window, wavelength: float, fineness: float, report: Progress) -> Reflections:
             return reflections(window.centre[1], window.half[1], wavelength, fineness)
 
         return self._all(one, places, per)
@@ -196,7 +196,7 @@ class IteratedKirchhoff:
     # ---- patches
     def _patches(
         self, surface: Heightfield, incoming: Incoming, detector: Detector, places: Places
-    ) -> tuple[list[Orders], float]:
+    ) -> tuple[list[Reflections], float]:
         if self.beam != "window":
             raise InputError(f'beam = {self.beam!r} is for profiles: take "window"')
         if not self.shadowing:
@@ -209,10 +209,10 @@ class IteratedKirchhoff:
         per = self.per(surface)
         blocks = choose(self, surface, places).blocks
 
-        def one(window: Window, wavelength: float, fineness: float, report: Progress) -> Orders:
+        def one(window: Window, wavelength: float, fineness: float, report: Progress) -> Reflections:
             used = fineness == per
             light = incoming if used else replace(incoming, theta_deg=incoming.theta_deg[:1])
-            made, patch = patch_orders(
+            made, patch = patch_reflections(
                 surface, window, light, detector, self.material, wavelength,  # type: ignore[arg-type]
                 wavelength * 1e-3 / fineness, self.bounces, self.tol, self.seed, report, energies=self.energy and used,
                 blocks=blocks and used,
@@ -222,8 +222,8 @@ class IteratedKirchhoff:
 
         return self._all(one, places, per)
 
-    def _all(self, one: Callable[..., Orders], places: Places, per: float) -> tuple[list[Orders], float]:
-        """Orders of every window, brdf (bounces + 1, t, elements, wavelengths); and the error of the spacing."""
+    def _all(self, one: Callable[..., Reflections], places: Places, per: float) -> tuple[list[Reflections], float]:
+        """Reflections of every window, brdf (bounces + 1, t, elements, wavelengths); and the error of the spacing."""
         found, done, steps = [], 0, len(places.windows) * len(self.wavelength_nm)
         for window in places.windows:
             spectrum = []
@@ -246,7 +246,7 @@ class IteratedKirchhoff:
 
     # ---- the result
     def _dataset(
-        self, surface: Heightfield, incoming: Incoming, detector: Detector, places: Places, found: list[Orders]
+        self, surface: Heightfield, incoming: Incoming, detector: Detector, places: Places, found: list[Reflections]
     ) -> xr.Dataset:
         (brdf, stderr), (energies, _) = (mean(found, places, n) for n in ("brdf", "energy"))
         over = ("theta_i", *detector.dims, "wavelength")
@@ -280,7 +280,7 @@ class IteratedKirchhoff:
         return label(data)
 
     def _attributes(
-        self, surface: Heightfield, incoming: Incoming, places: Places, found: list[Orders]
+        self, surface: Heightfield, incoming: Incoming, places: Places, found: list[Reflections]
     ) -> dict[str, Any]:
         problem = "profile, two-dimensional" if surface.is_profile else "patch, three-dimensional"
         return {
@@ -311,7 +311,7 @@ class IteratedKirchhoff:
             "versions": versions(),
         }  # fmt: skip
 
-    def _diffraction(self, found: list[Orders]) -> dict[str, Any]:
+    def _diffraction(self, found: list[Reflections]) -> dict[str, Any]:
         done = Diffraction.worst(o.diffraction for o in found)
         return {
             "sweeps_done": done.sweeps,

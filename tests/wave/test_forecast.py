@@ -9,7 +9,7 @@ import pytest
 
 import vgonio as vg
 from vgonio.errors import ToleranceError, VgonioWarning
-from vgonio.wave import Kirchhoff, cost
+from vgonio.wave import Kirchhoff, forecast
 
 
 def surface(n: int = 96) -> vg.surface.Heightfield:
@@ -21,13 +21,13 @@ def gonio(**light):
 
 
 def test_long_work_is_announced(monkeypatch):
-    monkeypatch.setattr(cost, "WARN_SECONDS", 1e-3)
+    monkeypatch.setattr(forecast, "WARN_SECONDS", 1e-3)
     with pytest.warns(VgonioWarning, match="min of work on two cores: take fewer angles"):
         gonio().measure(surface(32), Kirchhoff("Al", [500]))
 
 
 def test_work_of_days_is_refused(monkeypatch):
-    monkeypatch.setattr(cost, "MOST_SECONDS", 1e-3)
+    monkeypatch.setattr(forecast, "MOST_SECONDS", 1e-3)
     with pytest.raises(ToleranceError, match="are begun"):
         gonio().measure(surface(32), Kirchhoff("Al", [500]))
 
@@ -36,8 +36,8 @@ def test_work_of_days_is_refused(monkeypatch):
 def test_the_estimate_is_of_the_right_size(options, monkeypatch):
     """Within a factor 10, on whatever machine and load this runs: it decides between minutes and days."""
     expected = []
-    estimate = cost.estimate
-    monkeypatch.setattr(cost, "estimate", lambda *a: expected.append(estimate(*a)) or expected[-1])
+    estimate = forecast.estimate
+    monkeypatch.setattr(forecast, "estimate", lambda *a: expected.append(estimate(*a)) or expected[-1])
     start = time.process_time()
     side = 32 if options.get("method") else 96
     gonio().measure(surface(side), Kirchhoff("Al", [450, 600], tol=1e-2, **options))
