@@ -8,7 +8,9 @@ import pytest
 from vgonio.dataset import COORDINATES, VARIABLES
 from vgonio.errors import FileFormatError, InputError
 from vgonio.studies.gathering import swept_dims
+from vgonio.studies.store import Store
 from vgonio.studies.study import content_key, load_study
+from vgonio.studies.sweeping import _todo
 
 SCENE = {
     "surface": {
@@ -159,3 +161,22 @@ def test_side_by_side_there_is_one_dim():
     dims, coords = swept_dims(study(zip=True, vary={RMS: [0.1, 0.2], SEED: [1, 2]}))
     assert dims == ("point",)
     assert {"point", "rms_um", "generate_seed"} == set(coords)
+
+
+# ---- what is left to do
+def test_what_the_machine_failed_is_tried_again_and_refused_input_is_not(tmp_path):
+    """Of six points one is done, one was refused, one lost with its worker; what has ended is counted."""
+    made, store = study(), Store.made(tmp_path)
+    points = list(made.values())
+    keys = [content_key(made.point(v)) for v in points]
+    store.result(keys[0]).parent.mkdir(parents=True)
+    store.result(keys[0]).write_bytes(b"finished")
+    store.fail(keys[1], "no such thing", "input", points[1])
+    store.fail(keys[2], "the worker was lost", "machine", points[2])
+
+    def left(retry: bool) -> tuple[list[str], int]:
+        ended: list[int] = []
+        return [key for key, _, _ in _todo(made, store, retry, lambda: ended.append(1))], len(ended)
+
+    assert left(retry=False) == (keys[2:], 2)
+    assert left(retry=True) == (keys[1:], 1)
