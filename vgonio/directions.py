@@ -164,15 +164,15 @@ class Detector:
     """What catches the light: in-plane cones (`kind="in-plane"`) or the cells of a hemisphere (`kind="hemisphere"`).
 
     directions : (m, 3) unit vectors to the centres;  dims : names of the result's detector dimension
-    half_angle : of the cone, radians (in-plane);  rings : edges in θ and cells per ring (hemisphere)
+    half_angle_rad : of the cone (in-plane);  rings : edges in θ and cells per ring (hemisphere)
     """
 
     kind: str
     theta_deg: Floats  # (m,) signed in plane, ≥ 0 on the hemisphere
     phi_deg: Floats  # (m,) azimuths
     dims: tuple[str, ...]
-    half_angle: float = 0.0
-    ring_edges: Floats = field(default_factory=lambda: np.zeros(0))
+    half_angle_rad: float = 0.0
+    ring_edges_rad: Floats = field(default_factory=lambda: np.zeros(0))
     ring_cells: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @staticmethod
@@ -225,16 +225,16 @@ class Detector:
     def solid_angle(self) -> Floats:
         """(m,) solid angles in sr (of the whole cone in plane)."""
         if self.kind == "in-plane":
-            return np.full(len(self), 2 * np.pi * (1 - np.cos(self.half_angle)))
-        ring = 2 * np.pi * -np.diff(np.cos(self.ring_edges)) / self.ring_cells
+            return np.full(len(self), 2 * np.pi * (1 - np.cos(self.half_angle_rad)))
+        ring = 2 * np.pi * -np.diff(np.cos(self.ring_edges_rad)) / self.ring_cells
         return np.repeat(ring, self.ring_cells)
 
     @cached_property
     def projected_solid_angle(self) -> Floats:
         """(m,) ∫ cos θ dω over each element, in sr."""
         if self.kind == "in-plane":
-            return cone_projected_solid_angle(radians(self.theta_deg), self.half_angle)
-        ring = np.pi * np.diff(np.sin(self.ring_edges) ** 2) / self.ring_cells
+            return cone_projected_solid_angle(radians(self.theta_deg), self.half_angle_rad)
+        ring = np.pi * np.diff(np.sin(self.ring_edges_rad) ** 2) / self.ring_cells
         return np.repeat(ring, self.ring_cells)
 
     def catch(self, d: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -244,12 +244,12 @@ class Detector:
         """
         if self.kind == "hemisphere":
             theta = np.arccos(np.clip(d[:, 2], -1, 1))
-            ring = np.clip(np.searchsorted(self.ring_edges, theta, side="right") - 1, 0, len(self.ring_cells) - 1)
+            ring = np.clip(np.searchsorted(self.ring_edges_rad, theta, side="right") - 1, 0, len(self.ring_cells) - 1)
             n = self.ring_cells[ring]
             turn = np.arctan2(d[:, 1], d[:, 0]) / (2 * np.pi) % 1.0
             cell = np.minimum((turn * n).astype(np.int64), n - 1)
             return np.arange(len(d)), self._ring_start[ring] + cell
         p = radians(self.phi_deg[0])
-        near = np.flatnonzero(np.abs(d[:, 1] * np.cos(p) - d[:, 0] * np.sin(p)) <= np.sin(self.half_angle))
-        ray, element = np.nonzero(d[near] @ self.directions.T >= np.cos(self.half_angle))
+        near = np.flatnonzero(np.abs(d[:, 1] * np.cos(p) - d[:, 0] * np.sin(p)) <= np.sin(self.half_angle_rad))
+        ray, element = np.nonzero(d[near] @ self.directions.T >= np.cos(self.half_angle_rad))
         return near[ray], element

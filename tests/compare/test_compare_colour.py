@@ -248,7 +248,7 @@ def test_bad_choices():
     with pytest.raises(InputError, match="did you mean 'absolute'"):
         delta_e_2000(data, data, scale="absolut")
     with pytest.raises(InputError, match="outside the common wavelengths"):
-        delta_e_2000(data, data, scale="normalised", wavelength_n=800)
+        delta_e_2000(data, data, scale="normalised", wavelength_n_nm=800)
     for exposure in (0.0, -1.0, np.nan):
         with pytest.raises(InputError, match="exposure"):
             rgb_map(data, exposure=exposure)

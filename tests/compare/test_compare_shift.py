@@ -175,7 +175,7 @@ def test_bad_input(call):
     with pytest.raises(InputError, match="at least 3 wavelengths"):
         call(data.isel(wavelength=[0]))
     with pytest.raises(InputError, match="outside the wavelengths"):
-        call(data, wavelength_n=900)
+        call(data, wavelength_n_nm=900)
     with pytest.raises(InputError, match="too few to fit p"):
         call(data.isel(wavelength=[0, 5, 11, 15]))
     with pytest.raises(InputError, match="'fit'"):

@@ -245,9 +245,9 @@ def test_negative_values_are_said():
 def test_gaps_order_and_range():
     data = noisy(truth_of("shift"), 0)
     data["brdf"] = data.brdf.where((data.theta_i != data.theta_o) & ~((data.theta_o == 30) & (data.wavelength == 480)))
-    fit = fit_model(data, "clausen-2022", wavelength_range=(480, 700))
+    fit = fit_model(data, "clausen-2022", wavelength_range_nm=(480, 700))
     turned = data.isel(wavelength=slice(None, None, -1), theta_o=slice(None, None, -1)).transpose("wavelength", ...)
-    again = fit_model(turned, "clausen-2022", wavelength_range=(480, 700))
+    again = fit_model(turned, "clausen-2022", wavelength_range_nm=(480, 700))
     assert float(fit.h) == pytest.approx(float(again.h), rel=1e-6)
     assert fit.wavelength.values.tolist() == [480, 520, 560, 600, 640, 680]
     assert bool(fit.brdf.sel(theta_i=20, theta_o=20).isnull().all())
@@ -348,7 +348,7 @@ def test_foreign_files(tmp_path):
         ({"coefficients": ["h"]}, "no coefficient"),
         ({"exponent": -1}, "0 or more"),
         ({"errors": "sandwhich"}, "did you mean 'sandwich'"),
-        ({"wavelength_range": (900, 1000)}, "reach from 400 to"),
+        ({"wavelength_range_nm": (900, 1000)}, "reach from 400 to"),
         ({"ranges": {"alpha": (1, 0.5)}}, "lower one first"),
         ({"ranges": {"eta": (1, 2)}}, "does not vary"),
         ({"start": {"alpha": 9}}, "lies outside"),

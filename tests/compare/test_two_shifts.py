@@ -118,13 +118,13 @@ def test_range_of_wavelengths():
     data = models.evaluate("clausen-2022", THETA_I, THETA_O, WAVELENGTH, alpha=0.4, h=1.5e-3, w=3.0)
     bent = data.assign(brdf=data.brdf.where(data.wavelength >= 450, 2 * data.brdf))
     for fit in (fit_local_shift, fit_global_shift):
-        a, b = fit(bent, p=1.0, wavelength_range=(460, 780)), fit(data, p=1.0, wavelength_range=(460, 780))
+        a, b = fit(bent, p=1.0, wavelength_range_nm=(460, 780)), fit(data, p=1.0, wavelength_range_nm=(460, 780))
         name = "slope" if "slope" in a else "h"
         np.testing.assert_array_equal(a[name], b[name])
-    two = fit_two_shifts(bent, 1.0, p=1.0, wavelength_range=(460, 780))
+    two = fit_two_shifts(bent, 1.0, p=1.0, wavelength_range_nm=(460, 780))
     assert float(two.h1) == pytest.approx(1.5e-3, rel=1e-4)
     with pytest.raises(InputError, match="at least 3"):
-        fit_local_shift(data, wavelength_range=(590, 610))
+        fit_local_shift(data, wavelength_range_nm=(590, 610))
 
 
 def test_speed_of_local_fits():

@@ -92,7 +92,7 @@ def test_chi_square_of_the_round_trip(facets, standard_error, agreement):
         true_white = white_seen.assign(brdf=white_seen.brdf * (1 + standard_error * rng.normal()))
         white = instrument.counts(true_white, LAMP / 10, rng)
         counts = instrument.counts(seen, LAMP / 10, rng)
-        factor = calibration_factor(white, lambertian_standard(NM, [0.99] * 3), standard_relative=standard_error)
+        factor = calibration_factor(white, lambertian_standard(NM, [0.99] * 3), standard_uncertainty=standard_error)
         found = calibrate(counts, factor, repeatability_deg=0.05)
         pulls.append((found.brdf.values - truth) / found.brdf_stderr.values)
         offsets.append(found.brdf.values - truth)

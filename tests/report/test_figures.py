@@ -146,7 +146,7 @@ def test_cells_of_the_hemisphere_come_back_from_their_solid_angles(resolution):
     inner, outer, start, stop = np.deg2rad(cell_borders(data)).T
     np.testing.assert_allclose((np.cos(inner) - np.cos(outer)) * (stop - start), detector.solid_angle, rtol=1e-9)
     rings = np.repeat(np.arange(len(detector.ring_cells)), detector.ring_cells)
-    np.testing.assert_allclose(outer, detector.ring_edges[rings + 1], atol=1e-7)
+    np.testing.assert_allclose(outer, detector.ring_edges_rad[rings + 1], atol=1e-7)
     assert len(cell_polygons(data)) == len(detector)
 
 

@@ -34,7 +34,7 @@ def test_models_beside_the_measurement(data):
 
 
 def test_parts_of_the_shift(data):
-    figure = figures.shift_parts(data, wavelength_n=550.0)
+    figure = figures.shift_parts(data, wavelength_n_nm=550.0)
     titles = [ax.get_title(loc="left") or ax.get_title() for ax in figure.axes[:4]]
     assert titles == ["measured", "Fresnel term of the local fit", "local fit (4.2)", "global fit (4.5)"]
     means = [float(ax.get_xlabel().split("mean ")[1].split(",")[0]) for ax in figure.axes if "mean" in ax.get_xlabel()]

@@ -71,7 +71,7 @@ def fit(
     if not data:
         raise InputError("nothing to fit: give at least one measured BRDF or result, or --list for the models")
     reflector = None if material == "none" else material
-    samples = load_all(data)
+    samples = load_all(data, one_point=True)
     traced = None if rays is None else _traced(rays)
     limits, number = _limits(wavelengths), _exponent(p)
     names = tuple(model or ("cook-torrance-1982", "clausen-2022"))
@@ -81,7 +81,7 @@ def fit(
         _check_output(output, len(samples) * len(names))
     from ..compare import broken_physics, fit_models, model_table
 
-    options: dict[str, Any] = {"exponent": exponent, "wavelength_range": limits, "errors": errors}
+    options: dict[str, Any] = {"exponent": exponent, "wavelength_range_nm": limits, "errors": errors}
     options["only_where_known"] = {"wavelength_n_nm": wavelength_n, "single_share": traced}
     with progress_bars() as progress:
         report = None if progress is None else (lambda x: progress("fits", x))
@@ -183,7 +183,7 @@ def _shift_rows(
             return row(f"{what} {key}", None, NO_SHIFT)
         return row(f"{what} {key}", float(found[key]), str(found[key].attrs["units"]), float(found[f"{key}_stderr"]))
 
-    common: dict[str, Any] = {"wavelength_n": wavelength_n, "wavelength_range": limits}
+    common: dict[str, Any] = {"wavelength_n_nm": wavelength_n, "wavelength_range_nm": limits}
     rows = []
     try:
         if p == "fit" and data.sizes["wavelength"] < 5:

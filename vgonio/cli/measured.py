@@ -123,8 +123,11 @@ def calibrate(
     standard_nm: Annotated[
         str, typer.Option("--standard-nm", help="Where the standard's BRDF is taken: a wavelength, or all.")
     ] = "533",
-    standard_error: Annotated[
-        float | None, typer.Option("--standard-error", help="Relative, of the standard.", show_default="the file's")
+    standard_uncertainty: Annotated[
+        float | None,
+        typer.Option(
+            "--standard-uncertainty", "--standard-error", help="Relative, of the standard.", show_default="the file's"
+        ),
     ] = None,
     tilted: Annotated[bool, typer.Option("--tilted", help="Sample and detector tilted by 4° and 8°.")] = False,
     threads: Threads = None,
@@ -149,7 +152,7 @@ def calibrate(
         _read(standard),
         theta_i_deg=theta_i,
         standard_nm=nm,
-        standard_relative=standard_error,
+        standard_uncertainty=standard_uncertainty,
     )
     data = measure.calibrate(read_counts(counts), factor, tilt=measure.Tilt() if tilted else None)
     share = float((data["brdf_stderr"] / data["brdf"]).median())

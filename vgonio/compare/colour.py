@@ -218,21 +218,21 @@ def srgb(values: Floats) -> Floats:
 
 @takes_nodes
 def delta_e_2000(
-    reference: xr.Dataset, predicted: xr.Dataset, scale: str = "reference-Y50", wavelength_n: float = 600.0
+    reference: xr.Dataset, predicted: xr.Dataset, scale: str = "reference-Y50", wavelength_n_nm: float = 600.0
 ) -> xr.DataArray:
     """ΔE₀₀ between two BRDFs at their common angles, dims (theta_i, theta_o or cell), D65.
 
     scale : how bright the two are shown
         "reference-Y50" both times the factor that brings the reference's Y to 50 of 100, square by square;
         "absolute" π f cos θ_i as reflectance factor;
-        "normalised" each spectrum divided by its value at wavelength_n (nm), as in thesis figure 4.7: colour only.
-    The choice is in attrs["scale"] (and wavelength_n), gaps and squares whose reference is black in
+        "normalised" each spectrum divided by its value at wavelength_n_nm (nm), as in thesis figure 4.7: colour only.
+    The choice is in attrs["scale"] (and wavelength_n_nm), gaps and squares whose reference is black in
     attrs["squares_left_out"]. Raises InputError for an unknown scale, nothing in common, or too few wavelengths.
     """
     if scale not in SCALES:
         raise InputError(f"scale {scale!r} of a colour difference: {nearest(scale, SCALES)}")
     a, b = align(reference, predicted)
-    spectra = [_normalised(d, wavelength_n) if scale == "normalised" else d["brdf"] * _cos_i(d) for d in (a, b)]
+    spectra = [_normalised(d, wavelength_n_nm) if scale == "normalised" else d["brdf"] * _cos_i(d) for d in (a, b)]
     x, y = (_xyz(s) for s in spectra)
     if scale == "absolute":
         x, y = np.pi * x, np.pi * y
@@ -245,16 +245,16 @@ def delta_e_2000(
     result = xr.DataArray(difference, dims=x.dims[:-1], coords={k: v for k, v in x.coords.items() if k != "xyz"})
     attrs = {"scale": scale, "squares_left_out": int(np.isnan(difference).sum())}
     if scale == "normalised":
-        attrs["wavelength_n"] = wavelength_n
+        attrs["wavelength_n"] = wavelength_n_nm
     return labelled(result, "delta_e_2000", "1", "colour difference CIE DE2000 under D65", **attrs)
 
 
-def _normalised(data: xr.Dataset, wavelength_n: float) -> xr.DataArray:
+def _normalised(data: xr.Dataset, wavelength_n_nm: float) -> xr.DataArray:
     """f/f(λ_n); NaN where f(λ_n) is not positive."""
     w = data["wavelength"].values
-    if not w.min() <= wavelength_n <= w.max():
+    if not w.min() <= wavelength_n_nm <= w.max():
         raise InputError(
-            f"wavelength_n = {wavelength_n:g} nm lies outside the common wavelengths {w.min():g} to {w.max():g} nm"
+            f"wavelength_n_nm = {wavelength_n_nm:g} lies outside the common wavelengths {w.min():g} to {w.max():g} nm"
         )
-    at_n = interpolate_wavelength(data[["brdf"]], np.array([wavelength_n]))["brdf"].isel(wavelength=0, drop=True)
+    at_n = interpolate_wavelength(data[["brdf"]], np.array([wavelength_n_nm]))["brdf"].isel(wavelength=0, drop=True)
     return data["brdf"] / at_n.where(at_n > 0)

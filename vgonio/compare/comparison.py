@@ -36,12 +36,12 @@ def compare(
     *,
     scale: str = "reference-Y50",
     p: float | str = "fit",
-    wavelength_n: float = WAVELENGTH_N_NM,
+    wavelength_n_nm: float = WAVELENGTH_N_NM,
 ) -> xr.Dataset:
     """Compare results by name, or the groups of a DataTree that hold a BRDF: the group `comparison` of a result.
 
     reference : name of the result that the others are measured against; by default "measured", else the last
-    material : of the Fresnel reflectance in the shift fits, None for F = 1;  p, wavelength_n : of the shift fits
+    material : of the Fresnel reflectance in the shift fits, None for F = 1;  p, wavelength_n_nm : of the shift fits
     scale : of ΔE₀₀, see `delta_e_2000`
     Over `result`: slope, slope_stderr, slope_p, slope_r2, slope_global (…, theta_i, theta_o or cell); shift_h,
     shift_w, shift_t_y, shift_p with their standard errors, and shift_r2.
@@ -55,7 +55,7 @@ def compare(
     named = _ordered(_split(_datasets(results)), reference)
     skipped: dict[str, str] = {}
     named = _same_directions(named, skipped)
-    parts = [_shift_parts(name, data, material, p, wavelength_n, skipped) for name, data in named.items()]
+    parts = [_shift_parts(name, data, material, p, wavelength_n_nm, skipped) for name, data in named.items()]
     pairs = [_pair_parts(a, b, named, scale, skipped) for a, b in itertools.combinations(named, 2)]
     merged = _side_by_side(parts, [pair for pair in pairs if pair is not None])
     merged.attrs = {
@@ -64,7 +64,7 @@ def compare(
         "reference": list(named)[-1],
         "material": "none (F = 1)" if material is None else str(getattr(material, "name", material)),
         "exponent": str(p),
-        "wavelength_n": float(wavelength_n),
+        "wavelength_n": float(wavelength_n_nm),
         "delta_e_scale": scale,
         "skipped": json.dumps(skipped, ensure_ascii=False),
     }
@@ -125,15 +125,17 @@ def _attempt(part: str, skipped: dict[str, str], function: Callable[[], Any]) ->
 
 
 def _shift_parts(
-    name: str, data: xr.Dataset, material: Any, p: float | str, wavelength_n: float, skipped: dict[str, str]
+    name: str, data: xr.Dataset, material: Any, p: float | str, wavelength_n_nm: float, skipped: dict[str, str]
 ) -> xr.Dataset:
     if p == "fit" and data.sizes["wavelength"] < FEWEST_FOR_P:
         p = 1.0
-    local = _attempt(f"local shift of {name}", skipped, lambda: fit_local_shift(data, material, p, wavelength_n))
+    local = _attempt(f"local shift of {name}", skipped, lambda: fit_local_shift(data, material, p, wavelength_n_nm))
     if local is None:
         return xr.Dataset(coords={"result": name})
     found = local.rename(p="slope_p", r2="slope_r2").drop_vars("p_stderr").assign_coords(result=name)
-    fit = _attempt(f"global shift of {name}", skipped, lambda: fit_global_shift(data, material, p, "fit", wavelength_n))
+    fit = _attempt(
+        f"global shift of {name}", skipped, lambda: fit_global_shift(data, material, p, "fit", wavelength_n_nm)
+    )
     if fit is None:
         return found
     scalars = {k: f"shift_{k}" for k, v in fit.data_vars.items() if v.ndim == 0}

@@ -40,14 +40,14 @@ def explained_shares(
     explanations: Mapping[str, xr.Dataset],
     material: str | Material | None = "Al",
     p: float | str = "fit",
-    wavelength_n: float = WAVELENGTH_N_NM,
+    wavelength_n_nm: float = WAVELENGTH_N_NM,
     seed: int = 0,
 ) -> xr.Dataset:
     """Share of the measured slopes m that each explanation predicts, and that of the global shift fitted to them.
 
     share = 1 − Σ w (m − m_k)² / Σ w m², with w = 1/σ² of the measured slope; what the errors of both slopes alone would
     give is subtracted from both sums, for the fit what its parameters follow. 1 is all, 0 what "no shift" explains,
-    negative worse than that. material, p, wavelength_n : as in `fit_local_shift`.
+    negative worse than that. material, p, wavelength_n_nm : as in `fit_local_shift`.
     Returns over `explanation` (the names, then "global shift"): share, share_stderr (bootstrap over angles of
     incidence, over spectra where there are fewer than five), chi2_reduced, slopes (how many), significance =
     share/share_stderr; `kind`. What could not be fitted is left out and named in attrs["left_out"].
@@ -56,21 +56,21 @@ def explained_shares(
     """
     if p == "fit" and measured.sizes["wavelength"] < FEWEST_FOR_P:
         p = 1.0
-    own = fit_local_shift(measured, material, p, wavelength_n)
+    own = fit_local_shift(measured, material, p, wavelength_n_nm)
     _require_shift(own)
     dim = detector_dim(measured)
     left_out: dict[str, str] = {}
     rows: list[dict[str, Any]] = []
     for name, data in explanations.items():
         try:
-            local = fit_local_shift(data, material, p, wavelength_n)
+            local = fit_local_shift(data, material, p, wavelength_n_nm)
             rows.append(
                 {"name": name, "kind": kind_of(data)} | _share(own, local["slope"], local["slope_stderr"], 0, seed)
             )
         except VgonioError as e:
             left_out[name] = str(e)
     try:
-        fit = fit_global_shift(measured, material, p, "fit", wavelength_n)
+        fit = fit_global_shift(measured, material, p, "fit", wavelength_n_nm)
         zero = xr.zeros_like(fit["slope_global"])
         parameters = 3 + (fit.attrs["p"].startswith("fitted"))
         rows.append(

@@ -166,15 +166,15 @@ def _in_receptor(luminance: Luminance, source: Floats, centre: float, width: lis
 
 
 @takes_nodes
-def gloss(data: xr.Dataset, angle: float) -> Reading:
+def gloss(data: xr.Dataset, angle_deg: float) -> Reading:
     """Specular gloss of ISO 2813 in gloss units at 20°, 60° or 85°, of in-plane data or of a fit (`fit_model`).
 
     The error of data is what half of their angles change. Raises InputError for another angle, data that lack it, or
     angles too coarse for their lobe (more than 10 % change).
     """
-    if angle not in RECEPTORS_DEG:
-        raise InputError(f"gloss at {angle:g}°: ISO 2813 has 20°, 60° and 85°")
-    return _read(data, angle, [0.0], f"gloss at {angle:g}°")
+    if angle_deg not in RECEPTORS_DEG:
+        raise InputError(f"gloss at {angle_deg:g}°: ISO 2813 has 20°, 60° and 85°")
+    return _read(data, angle_deg, [0.0], f"gloss at {angle_deg:g}°")
 
 
 @takes_nodes

@@ -40,7 +40,7 @@ def fit_model(
     free: tuple[str, ...] | list[str] | None = None,
     coefficients: tuple[str, ...] | list[str] | None = None,
     exponent: float = 1.0,
-    wavelength_range: tuple[float, float] | None = None,
+    wavelength_range_nm: tuple[float, float] | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     start: Mapping[str, float] | None = None,
     starts: int = 6,
@@ -56,7 +56,7 @@ def fit_model(
     material : of the facets; None is a dielectric of unknown constant index: then eta is fitted and k_d(λ) as well
     free : parameters to vary, by default those of the model's row;  coefficients : those fitted at each wavelength
     inside, "k_d" and "k_s";  exponent : w of 3.2, weights steep incidence more
-    wavelength_range : nm, both ends included;  ranges : bounds other than `models.RANGES`
+    wavelength_range_nm : nm, both ends included;  ranges : bounds other than `models.RANGES`
     start : a guess that is tried beside the `starts` best of a quasi-random sample
     errors : "sandwich", "bootstrap" (with `samples` refits) or "none"
     cluster : what is an observation of its own: a "spectrum", all spectra of one "theta_i" (where what the model misses
@@ -78,7 +78,7 @@ def fit_model(
     if not (np.isfinite(exponent) and exponent >= 0):
         raise InputError(f"exponent = {exponent}: w of the cost function is 0 or more (the thesis uses 1 to 6)")
     chosen, inside, values = _choices(model, entry, material, free, coefficients, fixed)
-    pairs = pairs_of(data, wavelength_range)
+    pairs = pairs_of(data, wavelength_range_nm)
     if not np.any(pairs.values > 0):
         raise InputError("no value of the BRDF is positive: there is nothing that a model could be fitted to")
     needed = len(chosen) + len(inside) + 1

@@ -47,15 +47,15 @@ class Pairs:
         return Target(g, cosine, known.astype(np.float64))
 
 
-def pairs_of(data: xr.Dataset, wavelength_range: tuple[float, float] | None = None) -> Pairs:
-    """The pairs of directions of a BRDF that hold a value; `wavelength_range` in nm, both ends included.
+def pairs_of(data: xr.Dataset, wavelength_range_nm: tuple[float, float] | None = None) -> Pairs:
+    """The pairs of directions of a BRDF that hold a value; `wavelength_range_nm` in nm, both ends included.
 
     Raises InputError for no value, no wavelength in the range or further dimensions.
     """
     data = ascending(check(data))
     dim = detector_dim(data)
-    if wavelength_range is not None:
-        low, high = wavelength_range
+    if wavelength_range_nm is not None:
+        low, high = wavelength_range_nm
         w = data["wavelength"].values
         data = data.isel(wavelength=np.flatnonzero((w >= low - 1e-6) & (w <= high + 1e-6)))
         if not data.sizes["wavelength"]:

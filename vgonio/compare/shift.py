@@ -47,15 +47,15 @@ def fit_local_shift(
     data: xr.Dataset,
     material: str | Material | None = "Al",
     p: float | str = "fit",
-    wavelength_n: float = WAVELENGTH_N_NM,
+    wavelength_n_nm: float = WAVELENGTH_N_NM,
     p_bounds: tuple[float, float] = P_BOUNDS,
-    wavelength_range: tuple[float, float] | None = None,
+    wavelength_range_nm: tuple[float, float] | None = None,
 ) -> xr.Dataset:
     """Slope m and exponent p of every spectrum by itself (thesis 4.2), weighted by brdf_stderr where it is known.
 
     material : of the Fresnel reflectance F at the half-vector angle; None is F = 1 (thesis: p = 0, for dielectrics)
-    p : "fit" within p_bounds, or a fixed exponent;  wavelength_n : λ_n in nm, interpolated between samples
-    wavelength_range : nm, both ends included, None for all
+    p : "fit" within p_bounds, or a fixed exponent;  wavelength_n_nm : λ_n in nm, interpolated between samples
+    wavelength_range_nm : nm, both ends included, None for all
     Returns slope, slope_stderr (nm⁻¹), p, p_stderr, r2 over (theta_i, theta_o or cell); attrs r2_above_0.95 and
     r2_above_0.90 are the shares of spectra (thesis: 88 % and 93 % of sample 1). Standard errors come from the
     scatter about the fit and include the error of f(λ_n); p_stderr is NaN where p is fixed or at a bound. Spectra
@@ -63,7 +63,7 @@ def fit_local_shift(
     Raises InputError for fewer than 3 wavelengths (5 where p is fitted) or λ_n outside them, MaterialError outside the
     material's table.
     """
-    s = normalised_spectra(data, material, wavelength_n, wavelength_range)
+    s = normalised_spectra(data, material, wavelength_n_nm, wavelength_range_nm)
     free = p_is_free(s, p, p_bounds)
     exponent = best_exponents(s, p_bounds) if free else np.full(s.used.size, fixed_p(p))
     m, _ = profile(s, exponent)
@@ -79,7 +79,7 @@ def fit_local_shift(
             "model": "f/f(wavelength_n) = (1 + slope (wavelength - wavelength_n)) (F/F(wavelength_n))^p, thesis 4.2",
             "spectra_left_out": int(left_out.sum()),
             **_shares(np.where(left_out, np.nan, r2)),
-            **_choices(material, p, free, p_bounds, wavelength_n, data),
+            **_choices(material, p, free, p_bounds, wavelength_n_nm, data),
         },
     )
 
@@ -117,10 +117,10 @@ def _scalar(value: float, name: str) -> xr.DataArray:
 
 
 def _choices(
-    material: Any, p: float | str, free: bool, p_bounds: tuple[float, float], wavelength_n: float, data: xr.Dataset
+    material: Any, p: float | str, free: bool, p_bounds: tuple[float, float], wavelength_n_nm: float, data: xr.Dataset
 ) -> dict[str, Any]:
     return {
-        "wavelength_n": float(wavelength_n),
+        "wavelength_n": float(wavelength_n_nm),
         "material": "none (F = 1)" if material is None else str(getattr(material, "name", material)),
         "p": f"fitted within {p_bounds[0]:g} to {p_bounds[1]:g}" if free else f"fixed at {fixed_p(p):g}",
         "weights": "brdf_stderr" if "brdf_stderr" in data else "equal",
@@ -133,14 +133,14 @@ def fit_global_shift(
     material: str | Material | None = "Al",
     p: float | str = "fit",
     t_y: float | str = "fit",
-    wavelength_n: float = WAVELENGTH_N_NM,
+    wavelength_n_nm: float = WAVELENGTH_N_NM,
     p_bounds: tuple[float, float] = P_BOUNDS,
     w_bounds: tuple[float, float] = W_BOUNDS,
-    wavelength_range: tuple[float, float] | None = None,
+    wavelength_range_nm: tuple[float, float] | None = None,
 ) -> xr.Dataset:
     """One slope function m(i, o) = h cos(w θ_m) + t_y for all spectra (thesis 4.3–4.5), fitted with lmfit.
 
-    material, wavelength_n, wavelength_range : as in `fit_local_shift`;  p, t_y : "fit" or a fixed value (t_y in nm⁻¹)
+    material, wavelength_n_nm, wavelength_range_nm : as in `fit_local_shift`;  p, t_y : "fit" or fixed (t_y in nm⁻¹)
     Returns scalars h, t_y (nm⁻¹), w, p, each with its standard error, r2 of all normalised spectra, and the maps
     slope_global (nm⁻¹) and theta_m (degree) over (theta_i, theta_o or cell). Standard errors take every spectrum as one
     observation (sandwich estimate, White 1980, Liang and Zeger 1986): noise that a whole spectrum shares, as that of
@@ -148,7 +148,7 @@ def fit_global_shift(
     Raises InputError when fewer than 5 spectra can be used and as `fit_local_shift`.
     """
 
-    s = normalised_spectra(data, material, wavelength_n, wavelength_range)
+    s = normalised_spectra(data, material, wavelength_n_nm, wavelength_range_nm)
     free_p = p_is_free(s, p, p_bounds)
     if t_y != "fit" and (isinstance(t_y, str) or not np.isfinite(t_y)):
         raise InputError(f"t_y = {t_y!r}: a number in nm⁻¹ or 'fit' is allowed")
@@ -175,6 +175,6 @@ def fit_global_shift(
             "aic": aic(s, used, fitted, 2 + free_p + (fixed["t_y"] is None)),
             "t_y": "fitted" if fixed["t_y"] is None else f"fixed at {fixed['t_y']:g} nm-1",
             "w": f"fitted within {w_bounds[0]:g} to {w_bounds[1]:g}",
-            **_choices(material, p, free_p, p_bounds, wavelength_n, data),
+            **_choices(material, p, free_p, p_bounds, wavelength_n_nm, data),
         },
     )

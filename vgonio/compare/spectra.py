@@ -54,45 +54,45 @@ class Spectra:
 def normalised_spectra(
     data: xr.Dataset,
     reflector: str | Material | None,
-    wavelength_n: float,
-    wavelength_range: tuple[float, float] | None = None,
+    wavelength_n_nm: float,
+    wavelength_range_nm: tuple[float, float] | None = None,
 ) -> Spectra:
     """Prepare a BRDF for the fits; F is taken at the half-vector angle, 1 where `reflector` is None.
 
-    wavelength_range : in nm, both ends included, what is outside is not used; None is all.
+    wavelength_range_nm : in nm, both ends included, what is outside is not used; None is all.
 
     Raises InputError for fewer than three wavelengths or λ_n outside them, MaterialError outside the material's table.
     """
     dim = detector_dim(check(data))
     data = data.sortby("wavelength").transpose(..., "theta_i", dim, "wavelength")
     w = data["wavelength"].values
-    if wavelength_range is not None:
+    if wavelength_range_nm is not None:
         data = data.isel(
-            wavelength=np.flatnonzero((w >= wavelength_range[0] - 1e-6) & (w <= wavelength_range[1] + 1e-6))
+            wavelength=np.flatnonzero((w >= wavelength_range_nm[0] - 1e-6) & (w <= wavelength_range_nm[1] + 1e-6))
         )
         w = data["wavelength"].values
     if w.size < 3:
         raise InputError(
             f"a linear shift needs at least 3 wavelengths, got {w.size} ({', '.join(f'{v:g}' for v in w)} nm)"
         )
-    if not w[0] <= wavelength_n <= w[-1]:
-        raise InputError(f"wavelength_n = {wavelength_n:g} nm lies outside the wavelengths {w[0]:g} to {w[-1]:g} nm")
+    if not w[0] <= wavelength_n_nm <= w[-1]:
+        raise InputError(f"wavelength_n_nm = {wavelength_n_nm:g} lies outside the wavelengths {w[0]:g} to {w[-1]:g} nm")
     f = data["brdf"].values.reshape(-1, w.size)
-    f_n = interpolate_wavelength(data[["brdf"]], np.array([wavelength_n]))["brdf"].values.ravel()
+    f_n = interpolate_wavelength(data[["brdf"]], np.array([wavelength_n_nm]))["brdf"].values.ravel()
     # a spectrum that all but vanishes at λ_n (the rounding of a grating's dark directions) cannot be normalised there
     used = np.isfinite(f_n) & (f_n > DARK * np.max(np.where(np.isfinite(f), f, 0.0), axis=1)) & (f_n > 0)
     scale = np.where(used, f_n, 1.0)
     values = f / scale[:, None]
     # the sample at λ_n is 1 by construction and says nothing
-    valid = np.isfinite(values) & used[:, None] & (w != wavelength_n)
+    valid = np.isfinite(values) & used[:, None] & (w != wavelength_n_nm)
     variances = _variances(data, scale)
     theta_m, theta_d = _angles(data, dim)
     return Spectra(
-        w - wavelength_n,
+        w - wavelength_n_nm,
         np.where(valid, values, 0.0),
-        _log_fresnel(reflector, theta_d, w, wavelength_n),
+        _log_fresnel(reflector, theta_d, w, wavelength_n_nm),
         np.where(valid, 1.0 / variances, 0.0),
-        _at_anchor(variances, w, wavelength_n),
+        _at_anchor(variances, w, wavelength_n_nm),
         theta_m,
         theta_d,
         used,
@@ -115,10 +115,10 @@ def _variances(data: xr.Dataset, scale: Floats) -> Floats:
     return (np.maximum(np.where(known, sigma, median), 0.01 * median) / median) ** 2
 
 
-def _at_anchor(variances: Floats, w: Floats, wavelength_n: float) -> Floats:
+def _at_anchor(variances: Floats, w: Floats, wavelength_n_nm: float) -> Floats:
     """(n,) variance of f(λ_n) from those of the one or two samples that it is interpolated from."""
-    right = int(np.clip(np.searchsorted(w, wavelength_n), 1, w.size - 1))
-    t = (wavelength_n - w[right - 1]) / (w[right] - w[right - 1])
+    right = int(np.clip(np.searchsorted(w, wavelength_n_nm), 1, w.size - 1))
+    t = (wavelength_n_nm - w[right - 1]) / (w[right] - w[right - 1])
     return (1 - t) ** 2 * variances[:, right - 1] + t**2 * variances[:, right]
 
 
@@ -135,8 +135,8 @@ def _angles(data: xr.Dataset, dim: str) -> tuple[Floats, Floats]:
     return theta_m.ravel(), theta_d.ravel()
 
 
-def _log_fresnel(reflector: str | Material | None, theta_d: Floats, w: Floats, wavelength_n: float) -> Floats:
+def _log_fresnel(reflector: str | Material | None, theta_d: Floats, w: Floats, wavelength_n_nm: float) -> Floats:
     if reflector is None:
         return np.zeros((theta_d.size, w.size))
     source, cosine = material(reflector), np.cos(theta_d)
-    return np.log(source.reflectance(cosine, w) / source.reflectance(cosine, np.array([wavelength_n])))
+    return np.log(source.reflectance(cosine, w) / source.reflectance(cosine, np.array([wavelength_n_nm])))

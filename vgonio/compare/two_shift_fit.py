@@ -33,16 +33,16 @@ _TEXTS = {
 }
 
 
-def single_share(rays: xr.Dataset, wavelength_n: float = WAVELENGTH_N_NM) -> xr.DataArray:
+def single_share(rays: xr.Dataset, wavelength_n_nm: float = WAVELENGTH_N_NM) -> xr.DataArray:
     """Share of light that leaves after one reflection, (theta_i, theta_o), from a traced result with brdf_by_bounce.
 
-    At the wavelength next to wavelength_n. Directions that caught nothing take the value of the nearest that did (in
+    At the wavelength next to wavelength_n_nm. Directions that caught nothing take the value of the nearest that did (in
     θ_o, at the same θ_i). Made symmetric in source and detector where both pairs were traced: the noise is halved, and
     the model stays reciprocal. Raises InputError for a result without the decomposition or out of plane.
     """
     if "brdf_by_bounce" not in rays or "theta_o" not in rays["brdf_by_bounce"].dims:
         raise InputError("the share of single reflections needs an in-plane result of rays with brdf_by_bounce")
-    parts = rays["brdf_by_bounce"].sel(wavelength=wavelength_n, method="nearest")
+    parts = rays["brdf_by_bounce"].sel(wavelength=wavelength_n_nm, method="nearest")
     total = parts.sum("bounce")
     share = (parts.sel(bounce=1) / total.where(total > 0)).transpose("theta_i", "theta_o")
     share = share.sortby("theta_i").sortby("theta_o").reset_coords(drop=True)
@@ -59,17 +59,17 @@ def fit_two_shifts(
     share: xr.DataArray | float,
     material: str | Material | None = "Al",
     p: float | str = "fit",
-    wavelength_n: float = WAVELENGTH_N_NM,
-    wavelength_range: tuple[float, float] | None = None,
+    wavelength_n_nm: float = WAVELENGTH_N_NM,
+    wavelength_range_nm: tuple[float, float] | None = None,
 ) -> xr.Dataset:
     """m = s h₁ cos(w₁ θ_m) + (1 − s) h₂ cos(w₂ θ_d) fitted to all normalised spectra, as `fit_global_shift` does 4.5.
 
-    share : of single reflections, see `single_share`;  material, p, wavelength_n, wavelength_range : as there
+    share : of single reflections, see `single_share`;  material, p, wavelength_n_nm, wavelength_range_nm : as there
     Returns scalars h1, h2 (nm⁻¹), w1, w2, p with standard errors (sandwich over spectra), r2, the maps slope_global
     (nm⁻¹) and share, and attrs["aic"], which `fit_global_shift` has as well: lower is better, 2 per parameter.
     Raises InputError for too few usable spectra, and as `fit_global_shift`.
     """
-    s = normalised_spectra(data, material, wavelength_n, wavelength_range)
+    s = normalised_spectra(data, material, wavelength_n_nm, wavelength_range_nm)
     free_p = p_is_free(s, p, P_BOUNDS)
     used = s.used & (np.sum(s.weight > 0, axis=1) >= 2)
     if used.sum() < len(NAMES) + 1:
@@ -93,7 +93,7 @@ def fit_two_shifts(
             "model": "slope = s h1 cos(w1 theta_m) + (1 - s) h2 cos(w2 theta_d)",
             "spectra_used": int(used.sum()),
             "aic": aic(s, used, model, 4 + free_p),
-            "wavelength_n": float(wavelength_n),
+            "wavelength_n": float(wavelength_n_nm),
         },
     )
 

@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..dataset import brdf_dataset, label
 from ..directions import Detector, Incoming, angle_list, half_vectors, unit_vectors, wavelength_list
 from ..errors import InputError
-from ..materials import Material, material
+from ..materials import Material
+from ..materials import material as named_material
 from ..surface.heightfield import Heightfield
 from ..surface.mesh import Mesh, mesh, mirrored
 from ..units import degrees, radians
@@ -131,7 +132,7 @@ def masking(
 
 def prediction(
     surface: Heightfield,
-    reflector: str | Material,
+    material: str | Material,
     wavelength_nm: ArrayLike,
     incoming: Incoming,
     detector: Detector,
@@ -142,14 +143,14 @@ def prediction(
 ) -> xr.Dataset:
     """The microfacet BRDF D F G₂ / (4 cos θ_i cos θ_o) of the mesh, to be laid beside traced single reflections.
 
-    reflector : the material;  incoming, detector : as a Gonioreflectometer has them;  points : per detector element
+    incoming, detector : as a Gonioreflectometer has them;  points : per detector element
     `brdf (theta_i, detector, wavelength)` and its parts over (theta_i, detector): `ndf` D at the half vector, the mean
     over the detector element; `masking_2` G₂, the share of those facets that source and detector both see, with
     standard error (NaN where no facet reflects into the element); `fresnel` F at the half vector. `brdf_uncorrelated`
     has G₁(θ_i) G₁(θ_o) of all facets in place of G₂, as common models do; `brdf_unmasked` has G₂ = 1.
     """
     wavelengths = wavelength_list(wavelength_nm)
-    made = material(reflector)
+    made = named_material(material)
     facets, caster, edges = _prepared(surface, refinement, tracer)
     rng = np.random.default_rng(seed)
     parts = [_both_ways(facets, caster, w, detector, points, rng) for w in incoming.vectors]

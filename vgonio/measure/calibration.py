@@ -36,7 +36,7 @@ def calibration_factor(
     theta_i_deg: float = THETA_I_DEG,
     theta_o_deg: ArrayLike = THETA_O_DEG,
     standard_nm: float | None = STANDARD_NM,
-    standard_relative: float | None = None,
+    standard_uncertainty: float | None = None,
 ) -> xr.Dataset:
     """C ΔE₀ for each wavelength, from counts on a diffuse standard whose BRDF is known (thesis 2.32).
 
@@ -45,13 +45,13 @@ def calibration_factor(
     theta_i_deg, theta_o_deg : where it is averaged; angles that were not counted, or that lie beyond those of the
     standard, are left out
     standard_nm : the wavelength at which the standard's BRDF is taken for all; None for each wavelength its own
-    standard_relative : relative standard uncertainty of the standard, else from its `brdf_stderr`
+    standard_uncertainty : relative standard uncertainty of the standard, else from its `brdf_stderr`
     Returns factor (wavelength) in counts · sr, factor_stderr (of the mean over angles), factor_standard (the part of
     the standard's uncertainty), factor_by_angle (theta_o, wavelength).
     Raises InputError where angles or wavelengths do not overlap, a count or the standard's BRDF is not positive, or the
     standard is known at one angle of reflection only.
     """
-    _check_choices(theta_i_deg, standard_nm, standard_relative)
+    _check_choices(theta_i_deg, standard_nm, standard_uncertainty)
     counts = _counts(counts)
     here = _nearest_theta_i(counts, theta_i_deg)
     asked = np.asarray(theta_o_deg, float)
@@ -63,7 +63,7 @@ def calibration_factor(
     if not finite.any():
         raise InputError(f"no counts of the standard at θ_i = {theta_i_deg:g}° and θ_o = {asked.tolist()}")
     here, v = here.isel(theta_o=np.flatnonzero(finite)), v[finite]
-    f, relative = _standard_at(standard, here, standard_nm, standard_relative)
+    f, relative = _standard_at(standard, here, standard_nm, standard_uncertainty)
     if not np.all((f > 0) & np.isfinite(f)):
         raise InputError("the BRDF of the standard has to be positive at every angle of the calibration")
     by_angle = v / (f * np.cos(radians(float(here["theta_i"]))))
@@ -100,17 +100,17 @@ def calibration_factor(
     )
 
 
-def _check_choices(theta_i_deg: float, standard_nm: float | None, standard_relative: float | None) -> None:
+def _check_choices(theta_i_deg: float, standard_nm: float | None, standard_uncertainty: float | None) -> None:
     if not abs(theta_i_deg) < 90:
         raise InputError(f"θ_i = {theta_i_deg:g}° of the calibration: an angle below 90° is needed")
     if standard_nm is not None and not 0 < standard_nm < np.inf:
         raise InputError(
             f"standard_nm (--standard-nm) = {standard_nm:g}: a positive wavelength in nm, or all, is needed"
         )
-    if standard_relative is not None and not 0 <= standard_relative < 1:
+    if standard_uncertainty is not None and not 0 <= standard_uncertainty < 1:
         raise InputError(
-            f"uncertainty of the standard (--standard-error) = {standard_relative:g}: a relative error from 0 to below "
-            "1 is needed (0.02 for 2 %)"
+            f"uncertainty of the standard (--standard-uncertainty) = {standard_uncertainty:g}: relative, from 0 to "
+            "below 1 is needed (0.02 for 2 %)"
         )
 
 

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, nearest
-from ..materials import Material, material
+from ..materials import Material
+from ..materials import material as named_material
 from . import beckmann_1963, walter_2007
 from .geometry import Geometry
 
@@ -34,18 +35,18 @@ def fresnel_dielectric(cos_i: ArrayLike, eta: ArrayLike) -> Floats:
 
 
 def reflectance(
-    theta_d: Floats, wavelength_nm: Floats, reflector: str | Material | None = "Al", eta: float | None = None
+    theta_d: Floats, wavelength_nm: Floats, material: str | Material | None = "Al", eta: float | None = None
 ) -> Floats:
     """F of shape theta_d.shape + wavelength.shape at the angles θ_d (radians) between light and half vector.
 
-    Exact Fresnel equations with n + ik of `reflector`, or 2.27 with a constant η (then `reflector` is not used).
+    Exact Fresnel equations with n + ik of `material`, or 2.27 with a constant η (then `material` is not used).
     """
     if eta is not None:
         if not (np.isfinite(eta) and eta >= 1):
             raise InputError(f"eta = {eta}: the refractive index of a dielectric in air is at least 1")
         one = fresnel_dielectric(np.cos(theta_d), eta)[..., None]
         return np.broadcast_to(one, (*np.shape(theta_d), wavelength_nm.size))
-    return material(reflector or "Al").reflectance(np.cos(theta_d), wavelength_nm)
+    return named_material(material or "Al").reflectance(np.cos(theta_d), wavelength_nm)
 
 
 def facets(geometry: Geometry, alpha: float, distribution: str = "ggx") -> Floats:

@@ -29,21 +29,23 @@ SCALE_WORDS = {
 LARGEST = 12.0  # ΔE₀₀ at the top of the scale at most
 
 
-def shift_parts(data: xr.Dataset, material: Any = "Al", p: float | str = "fit", wavelength_n: float = 600.0) -> Figure:
+def shift_parts(
+    data: xr.Dataset, material: Any = "Al", p: float | str = "fit", wavelength_n_nm: float = 600.0
+) -> Figure:
     """Fresnel term alone, local fit and global fit of the shift beside the measurement, with ΔE₀₀ below (figure 4.7).
 
-    data : in plane; material, p, wavelength_n : of the shift fits. Colours are shown at equal luminance.
+    data : in plane; material, p, wavelength_n_nm : of the shift fits. Colours are shown at equal luminance.
     Raises InputError for a hemisphere and as the fits.
     """
     _in_plane(data)
-    local = fit_local_shift(data, material, p, wavelength_n)
-    whole = fit_global_shift(data, material, p, "fit", wavelength_n)
+    local = fit_local_shift(data, material, p, wavelength_n_nm)
+    whole = fit_global_shift(data, material, p, "fit", wavelength_n_nm)
     predicted = {
         "Fresnel term of the local fit": fitted_spectra(data, local, fresnel_only=True),
         "local fit (4.2)": fitted_spectra(data, local),
         "global fit (4.5)": fitted_spectra(data, whole),
     }
-    return beside_measured(data, predicted, "normalised", chromatic=True, wavelength_n=wavelength_n)
+    return beside_measured(data, predicted, "normalised", chromatic=True, wavelength_n_nm=wavelength_n_nm)
 
 
 def models_beside(data: xr.Dataset, fits: Mapping[str, xr.Dataset], scale: str = "reference-Y50") -> Figure:
@@ -66,7 +68,7 @@ def beside_measured(
     predicted: Mapping[str, xr.Dataset],
     scale: str,
     chromatic: bool,
-    wavelength_n: float = 600.0,
+    wavelength_n_nm: float = 600.0,
 ) -> Figure:
     """RGB maps of the measurement and of what is predicted, one exposure for all, and ΔE₀₀ of each below."""
     columns = 1 + len(predicted)
@@ -76,7 +78,7 @@ def beside_measured(
     exposure = float(measured.attrs["exposure"])
     _map(grid[0, 0], measured, "measured")
     grid[1, 0].set_axis_off()
-    differences = {k: delta_e_2000(data, d, scale, wavelength_n) for k, d in predicted.items()}
+    differences = {k: delta_e_2000(data, d, scale, wavelength_n_nm) for k, d in predicted.items()}
     known = np.concatenate([d.values[np.isfinite(d.values)] for d in differences.values()])
     top = float(np.clip(np.percentile(known, 97) if known.size else 1.0, 1.0, LARGEST))
     mesh: Any = None
@@ -93,7 +95,7 @@ def beside_measured(
     bar = figure.colorbar(mesh, ax=list(grid[1, 1:]), shrink=0.9, pad=0.015, aspect=20, extend="max")
     bar.set_label("ΔE₀₀")
     bar.outline.set_visible(False)
-    words = [SCALE_WORDS[scale] if scale != "normalised" else f"{SCALE_WORDS[scale]} = {wavelength_n:g} nm"]
+    words = [SCALE_WORDS[scale] if scale != "normalised" else f"{SCALE_WORDS[scale]} = {wavelength_n_nm:g} nm"]
     words.append("colours at equal luminance" if chromatic else f"exposure {exposure:.3g} for all maps")
     text = "ΔE₀₀ below:\n" + words[0] + "\n\n" + words[1]
     text = "\n".join(_wrapped(line, 30) for line in text.split("\n"))

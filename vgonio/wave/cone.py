@@ -75,7 +75,7 @@ def cone_nodes(detector: Detector, k: Floats, step: float, across: float = 0.0, 
     """The nodes of in-plane cones by a rule; `step` is 1/ℓ in rad/µm, `across` as for `_cut`."""
     if rule.soft == 0:
         return _cut(detector, k, step, across)
-    theta, a = np.deg2rad(detector.theta_deg), detector.half_angle
+    theta, a = np.deg2rad(detector.theta_deg), detector.half_angle_rad
     reach = np.sin(theta) * np.cos(a)
     # f does not go on below the horizon: cones that come close to it have a Gauss rule, those that cross it a cut edge
     pad = rule.soft * np.sqrt(-2 * np.log(rule.least)) * rule.spacing * step / k.min()
@@ -161,7 +161,7 @@ def _cut(detector: Detector, k: Floats, step: float, across: float) -> Nodes:
 
     across : component of ω_i across the plane, where the source diverges: q_v = k (across + s_v)
     """
-    theta, a = np.deg2rad(detector.theta_deg), detector.half_angle
+    theta, a = np.deg2rad(detector.theta_deg), detector.half_angle_rad
     parts: list[tuple[NDArray, ...]] = []
     ends = k[:, None] * (across + np.array([-1, 1]) * np.sin(a)) / step
     # an ellipse of k sin a / step by k sin a cos θ / step cells for each direction and wavelength
@@ -205,7 +205,7 @@ def _require_affordable(expected: float, step: float) -> None:
 
 def cell_nodes(detector: Detector, k: Floats, per_cell: int, rng: np.random.Generator) -> Nodes:
     """Hemisphere cells: `per_cell` stratified directions in each, the same for all wavelengths."""
-    start, ring = np.repeat(np.arange(len(detector.ring_cells)), detector.ring_cells), detector.ring_edges
+    start, ring = np.repeat(np.arange(len(detector.ring_cells)), detector.ring_cells), detector.ring_edges_rad
     number = np.concatenate([np.arange(n) for n in detector.ring_cells])
     u = (np.arange(per_cell) + rng.random((len(detector), per_cell))) / per_cell
     v = rng.random((len(detector), per_cell))

@@ -34,7 +34,7 @@ def cone_rules(
     Where it costs little, all light is treated as if it came in narrow lobes. Where diffuse light has a coherent rest
     in the mirror direction, only elements that its lobe reaches have the fine rule.
     """
-    a = detector.half_angle
+    a = detector.half_angle_rad
     if k.max() * np.sin(a) / step < max(POINTLIKE, np.sqrt(tol)):
         return [Choice(CUT)] * len(sources)
     sigma, slope = float(np.std(surface.z)), float(np.max(rms_slopes(surface)))

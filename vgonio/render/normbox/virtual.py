@@ -66,7 +66,7 @@ class ModelSurface:
 
 def _cone(detector: Detector) -> Floats:
     """(m, 13, 3) directions within each cone: its centre and two rings of equal area."""
-    r = np.arccos(1 - np.array([0.25, 0.75]) * (1 - np.cos(detector.half_angle)))
+    r = np.arccos(1 - np.array([0.25, 0.75]) * (1 - np.cos(detector.half_angle_rad)))
     psi = (np.arange(6) + 0.5 * np.arange(2)[:, None]) * np.pi / 3
     local = np.concatenate([[[0.0, 0.0, 1.0]], unit_vectors(r[:, None], psi).reshape(-1, 3)])
     return np.einsum("nij,mj->nmi", frames(detector.directions), local)

@@ -33,7 +33,7 @@ def element_means(detector: Detector, sign: float, k: float, taper: float, p: De
     square = np.array([np.bincount(element, weight * row**2, count) for row in values])
     total = np.bincount(element, weight, count)
     variance = np.maximum(square / total - (power / total) ** 2, 0)
-    width = 2 * np.cos(radians(detector.theta_deg)) * np.sin(detector.half_angle)
+    width = 2 * np.cos(radians(detector.theta_deg)) * np.sin(detector.half_angle_rad)
     speckles = np.maximum(k * taper * width / np.sqrt(2 * np.pi), 1.0)
     scale = total / detector.projected_solid_angle
     return power / detector.projected_solid_angle, np.sqrt(variance / np.maximum(speckles - 1, 1.0)) * scale
@@ -41,7 +41,7 @@ def element_means(detector: Detector, sign: float, k: float, taper: float, p: De
 
 def _cone_nodes(detector: Detector, sign: float, rate: float) -> tuple[Floats, Floats, np.ndarray]:
     """Nodes s_x from sin(θ − a) to sin(θ + a) of all cones, their weights and elements."""
-    a = detector.half_angle
+    a = detector.half_angle_rad
     sine, weight, element = [], [], []
     for i, t in enumerate(radians(detector.theta_deg)):
         half = np.cos(t) * np.sin(a)

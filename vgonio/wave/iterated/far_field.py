@@ -64,7 +64,7 @@ def directions(detector: Detector, sign: float, wavelength: float, length: float
 
 
 def _cones(detector: Detector, sign: float, circle: Floats, width: Floats, step: float) -> Directions:
-    a = detector.half_angle
+    a = detector.half_angle_rad
     nodes = max(IN_CELL, int(np.ceil(4 * a / step)) + 1)
     part = ((np.arange(nodes) + 0.5) / nodes * 2 - 1) * a
     theta = (sign * np.deg2rad(detector.theta_deg)[:, None] + part).ravel()
