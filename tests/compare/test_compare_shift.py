@@ -10,7 +10,8 @@ import xarray as xr
 from scipy.optimize import least_squares
 
 from vgonio import models
-from vgonio.compare import fit_global_shift, fit_local_shift
+from vgonio.compare import fit_global_shift, fit_local_shift, global_fit, two_shift_fit
+from vgonio.compare.spectra import normalised_spectra
 from vgonio.errors import InputError, MaterialError
 from vgonio.materials import material
 
@@ -232,6 +233,32 @@ def test_standard_errors_of_the_global_fit(agreement):
         np.sqrt(np.mean(np.square(pulls), axis=0)),
         (0.43, 1.57),
     )
+
+
+def test_standard_error_of_one_common_slope_is_that_of_a_mean():
+    """Slopes that differ from spectrum to spectrum about a constant, no noise else: s/√n, to 1/n (small samples)."""
+    rng = np.random.default_rng(1)
+    m = 4e-4 + 2e-4 * rng.standard_normal((5, 17, 1))
+    data = dataset(material="perfect").assign(brdf=lambda d: xr.ones_like(d.brdf) * (1 + m * (WAVELENGTH - 600)))
+    s = normalised_spectra(data, None, 600.0)
+    best = {"h": 0.0, "w": 1.0, "t_y": 1e3 * m.mean(), "p": 0.0}  # in µm⁻¹
+    expected = 1e3 * m.std(ddof=1) / np.sqrt(m.size)
+    assert global_fit._sandwich(s, s.used, best, ["t_y"])["t_y"] == pytest.approx(expected, rel=0.01)
+
+    def two(v):
+        return (1 + 1e-3 * v["h1"] * s.offset) * np.ones((m.size, 1))
+
+    found = two_shift_fit._errors(np.sqrt(s.weight), two, {"h1": 1e3 * m.mean()}, ["h1"], s.values)
+    assert found["h1"] == pytest.approx(expected, rel=0.01)
+
+
+def test_an_error_far_below_the_others_does_not_rule_the_fit():
+    """A lucky estimate counts as no less than 1 % of the median; one that is not known counts as the median."""
+    data = dataset()
+    sigma = xr.full_like(data.brdf, 0.01) * data.brdf.sel(wavelength=600)  # of the normalised spectra: 0.01
+    sigma[0, 3, 4], sigma[0, 3, 5], sigma[0, 3, 6] = 1e-9 * sigma[0, 3, 4], np.nan, 2 * sigma[0, 3, 6]
+    s = normalised_spectra(data.assign(brdf_stderr=sigma), "Al", 600.0)
+    np.testing.assert_allclose(s.weight[3, 3:7], [1, 1e4, 1, 0.25], rtol=1e-9)
 
 
 def test_degenerate_global_fit_has_no_standard_error():

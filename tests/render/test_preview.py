@@ -267,3 +267,23 @@ def test_fits_by_formula_with_their_spectra(tmp_path):
     np.testing.assert_allclose([made.bsdf["alpha"], made.bsdf["eta"]], [0.4, 1.5], rtol=1e-3)
     found = [float(v) for v in made.bsdf["k_d"]["values"].split(",")]
     np.testing.assert_allclose(found, np.pad(k_d, 1, "edge"), rtol=2e-3)
+
+
+def test_error_of_passes_is_that_of_their_mean():
+    """Each pass has its own random numbers and an equal share of the samples; s/√n with s² of n − 1."""
+    from vgonio.render import in_passes
+
+    asked = []
+
+    def render(samples, seed):
+        asked.append((samples, seed))
+        return np.array([1.0, 10.0]) * np.sin(seed)
+
+    mean, error = in_passes(render, 40, 4, seed=3)
+    values = np.outer(np.sin([seed for _, seed in asked]), [1.0, 10.0])
+    assert [samples for samples, _ in asked] == [10] * 4
+    assert len({seed for _, seed in asked}) == 4
+    np.testing.assert_allclose(mean, values.mean(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(error, values.std(axis=0, ddof=1) / 2, rtol=1e-12)
+    in_passes(render, 40, 4, seed=4)
+    assert len({seed for _, seed in asked}) == 8

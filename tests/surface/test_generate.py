@@ -185,6 +185,16 @@ def test_impacts_against_a_slow_copy():
     np.testing.assert_allclose(stamped(np.zeros(shape), pitch, hits), z, atol=1e-12)
 
 
+def test_depths_scatter_about_the_one_asked_for():
+    """Log-normal speeds of mean 1 and the spread asked for: 4 standard errors of some thousand impacts."""
+    hits = impacts((2000.0, 2000.0), (80, 80), 3.0, 0.4, 1.5, seed=2)
+    n = hits.depth.size
+    assert n > 5000
+    assert hits.depth.mean() == pytest.approx(3.0, abs=4 * 1.2 / np.sqrt(n))
+    assert hits.depth.std() == pytest.approx(1.2, rel=4 * np.sqrt((3 + 16 * 0.16) / n))  # kurtosis of a log-normal
+    assert np.log(hits.depth).std() == pytest.approx(np.sqrt(np.log1p(0.16)), rel=4 / np.sqrt(2 * n))
+
+
 def test_coverage_is_that_of_poisson():
     """Share without any footprint exp(−coverage), over 12 seeds; error from their scatter. Less stays untouched."""
     free, untouched = [], []
