@@ -29,7 +29,7 @@ clean = vg.models.evaluate(
 noise = 1 + 0.02 * np.random.default_rng(7).standard_normal(clean.brdf.shape)
 measured = clean.assign(brdf=clean.brdf * noise, brdf_stderr=0.02 * clean.brdf)
 measured.attrs["method"] = "measured"
-measured.vgonio.plot_spectra(theta_i=60)
+measured.vgonio.plot_spectra(theta_i_deg=60)
 
 # %% [markdown]
 # Left, around the mirror direction, the spectrum rises towards red; right, in back-scattering, it falls: some

@@ -45,11 +45,11 @@ def plot_lobes(result: Result, wavelength_nm: float | None = None, decades: floa
 
 
 def plot_hemisphere(
-    result: Result, theta_i: float = 30.0, wavelength_nm: float | None = None, decades: float = 3.0
+    result: Result, theta_i_deg: float = 30.0, wavelength_nm: float | None = None, decades: float = 3.0
 ) -> Figure:
     """BRDF over the hemisphere for one θᵢ and one wavelength, a map for each result, one logarithmic scale for all.
 
-    theta_i, wavelength_nm : the nearest there are (550 nm by default);  decades : depth of the colour scale.
+    theta_i_deg, wavelength_nm : the nearest there are (550 nm by default);  decades : depth of the colour scale.
     Raises InputError for in-plane results: use `plot_lobes`.
     """
     from . import quantities as q
@@ -58,14 +58,14 @@ def plot_hemisphere(
     sphere = {name: data for name, data in results_of(result).items() if not q.in_plane(data)}
     if not sphere:
         raise InputError("plot_hemisphere needs a hemisphere and this result is in the plane: use plot_lobes")
-    return polar_maps(sphere, theta_i, wavelength_nm, decades)
+    return polar_maps(sphere, theta_i_deg, wavelength_nm, decades)
 
 
-def plot_decomposition(result: Result, wavelength_nm: float | None = None, theta_i: float = 30.0) -> Figure:
+def plot_decomposition(result: Result, wavelength_nm: float | None = None, theta_i_deg: float = 30.0) -> Figure:
     """Share of single and multiple reflections of the rays (thesis figure 4.10).
 
     In the plane of incidence: against θₒ, a panel for each θᵢ. Over the hemisphere: the share of multiple reflections
-    for the θᵢ nearest to `theta_i`. Too few rays to split are hatched or grey.
+    for the θᵢ nearest to `theta_i_deg`. Too few rays to split are hatched or grey.
     wavelength_nm : the nearest there is, by default to 550 nm. Raises InputError where rays were not split.
     """
     from . import figures
@@ -74,7 +74,7 @@ def plot_decomposition(result: Result, wavelength_nm: float | None = None, theta
     rays = holding(result, "plot_decomposition", "brdf_by_bounce", "results of rays have it")
     if q.in_plane(rays):
         return figures.decomposition(rays, wavelength_nm)
-    return figures.polar_decomposition(rays, theta_i, wavelength_nm)
+    return figures.polar_decomposition(rays, theta_i_deg, wavelength_nm)
 
 
 def plot_energy(result: Result, wavelength_nm: float | None = None) -> Figure:
@@ -108,10 +108,10 @@ def plot_wave_energy(result: Result) -> Figure:
     return wave_energy(found)
 
 
-def plot_mueller(result: Result, theta_i: float = 30.0, wavelength_nm: float | None = None) -> Figure:
+def plot_mueller(result: Result, theta_i_deg: float = 30.0, wavelength_nm: float | None = None) -> Figure:
     """All elements of the Mueller matrix over that of I from I against θₒ, for one θᵢ and wavelength.
 
-    theta_i, wavelength_nm : the nearest there are (550 nm by default). Raises InputError where a result was made
+    theta_i_deg, wavelength_nm : the nearest there are (550 nm by default). Raises InputError where a result was made
     without `polarised=True`, and for a hemisphere.
     """
     from .figures import mueller
@@ -120,7 +120,7 @@ def plot_mueller(result: Result, theta_i: float = 30.0, wavelength_nm: float | N
     found = {name: data for name, data in in_the_plane(result, "plot_mueller").items() if "mueller" in data}
     if not found:
         raise InputError("plot_mueller needs the variable 'mueller': simulate with polarised = true")
-    return mueller(found, nearest_incidence(found, theta_i), wavelength_nm)
+    return mueller(found, nearest_incidence(found, theta_i_deg), wavelength_nm)
 
 
 def plot_ways(result: Result) -> Figure:
@@ -152,15 +152,15 @@ def plot_orders(result: xr.Dataset | dict[str, xr.Dataset], wavelength_nm: float
 
 
 # ---- colour
-def plot_spectra(result: Result, theta_i: float = 40.0, back: float | None = None) -> Figure:
+def plot_spectra(result: Result, theta_i_deg: float = 40.0, back_deg: float | None = None) -> Figure:
     """Spectra in the mirror direction and in back-scattering at one θᵢ, absolute and over 600 nm (thesis figure 4.5).
 
-    theta_i : the nearest there is;  back : θₒ of the back-scattering, by default θᵢ.
+    theta_i_deg : the nearest there is;  back_deg : θₒ of the back-scattering, by default θᵢ.
     Raises InputError for fewer than three wavelengths.
     """
     from .figures import spectra
 
-    return spectra(with_spectra(results_of(result), "plot_spectra"), theta_i, back)
+    return spectra(with_spectra(results_of(result), "plot_spectra"), theta_i_deg, back_deg)
 
 
 def plot_rgb(result: Result, exposure: float | None = None, chromatic: bool = False) -> Figure:

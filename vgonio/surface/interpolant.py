@@ -120,14 +120,14 @@ def _cubic(t: Floats, derivative: int) -> Floats:
 class Interpolant:
     """Values (ny, nx) at cell centres continued to the whole domain [0, ny·dy] × [0, nx·dx].
 
-    values : (ny, nx) float64, no NaN;  pitch : (dy, dx) in µm
+    values : (ny, nx) float64, no NaN;  pitch_um : (dy, dx)
     """
 
-    def __init__(self, values: Floats, pitch: tuple[float, float], periodic: bool, kind: str) -> None:
+    def __init__(self, values: Floats, pitch_um: tuple[float, float], periodic: bool, kind: str) -> None:
         ny, nx = values.shape
         self.values = values
-        self.y_axis = Axis(ny, pitch[0], periodic, kind)
-        self.x_axis = Axis(nx, pitch[1], periodic, kind)
+        self.y_axis = Axis(ny, pitch_um[0], periodic, kind)
+        self.x_axis = Axis(nx, pitch_um[1], periodic, kind)
 
     @cached_property
     def coefficients(self) -> Floats:
