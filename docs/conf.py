@@ -7,13 +7,14 @@ import re
 import sys
 from pathlib import Path
 
+from docutils import nodes
 from sphinx.pycode import ModuleAnalyzer
 from sphinx.util.inspect import TypeAliasForwardRef
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
 
-from docstrings import as_markup, constants, sources  # noqa: E402
+from docstrings import as_markup, constants, sources, symbols  # noqa: E402
 
 from vgonio import __version__  # noqa: E402
 
@@ -76,7 +77,33 @@ def _notebooks(app, name: str, source: list[str]) -> None:
     source[0] = NOTEBOOK.sub(r"{doc}`\1 </notebooks/\2>`", source[0])
 
 
+def _subscripts(app, tree: nodes.document, name: str) -> None:
+    """θ_i in the text as θ with a small i; code, names of arguments and links stay as they are."""
+    kept = (nodes.literal, nodes.literal_block, nodes.strong, nodes.raw, nodes.FixedTextElement, nodes.reference)
+    for text in list(tree.findall(nodes.Text)):
+        above, inside = text.parent, []
+        while above is not None:
+            inside.append(above)
+            above = above.parent
+        parts = symbols(text.astext())
+        if len(parts) > 1 and not any(isinstance(n, kept) or n.tagname.startswith("desc_sig") for n in inside):
+            made = [nodes.subscript("", t) if n % 2 else nodes.Text(t) for n, t in enumerate(parts)]
+            text.parent.replace(text, [m for m in made if m.astext()])
+
+
+def _alternatives(app, tree: nodes.document, name: str) -> None:
+    """Pictures that a notebook's cell made are named by the section that they stand in."""
+    for image in tree.findall(nodes.image) if name.startswith("notebooks/") else ():
+        section = image.parent
+        while section is not None and not isinstance(section, nodes.section):
+            section = section.parent
+        if section is not None and not image.get("alt"):
+            image["alt"] = f"Figure made by the code above it: {section.next_node(nodes.title).astext()}"
+
+
 def setup(app) -> None:
     app.connect("source-read", _notebooks)
+    app.connect("doctree-resolved", _subscripts)
+    app.connect("doctree-resolved", _alternatives)
     app.connect("builder-inited", _show_constants)
     app.connect("autodoc-process-docstring", _prepare)

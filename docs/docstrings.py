@@ -16,6 +16,19 @@ NAME = r"[A-ZÀ-Þ](?:[\w’-]|'(?!s\b))+"
 CITED = re.compile(rf"\b({NAME})(?:'s)?((?: et al\.?| and {NAME}|, {NAME} and {NAME})?\s)(\()?(\d{{4}})\b(?(3)\))")
 
 
+# one letter, Latin or Greek, with an index of up to three: θ_i, k_d, f_ref; no names such as s_um, no file names
+SYMBOL = re.compile(r"(?<![\w`.])(d?[A-Za-zα-ωΑ-Ω])_(?!um\b|nm\b|deg\b)([a-zA-Z0-9]{1,3})(?!\w|\.\w)")
+
+
+def symbols(text: str) -> list[str]:
+    """The text cut at the indices of its symbols: "cos θ_i/2" → ["cos θ", "i", "/2"]; every second part is an index."""
+    parts, end = [], 0
+    for found in SYMBOL.finditer(text):
+        parts += [text[end : found.end(1)], found[2]]
+        end = found.end()
+    return [*parts, text[end:]]
+
+
 def sources(bibliography: Path) -> dict[tuple[str, str], str]:
     """(surname, year) → key, for every author of every entry of a BibTeX file with one entry a line; and (its name, "")
     → key of what has a `shorttitle` to be called by, such as a standard."""

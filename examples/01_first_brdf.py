@@ -40,8 +40,9 @@ wavelength_nm = range(400, 701, 50)
 
 # %% [markdown]
 # ## 3. Rays
-# Each facet is a small mirror: a ray is reflected, loses what the Fresnel equations of aluminium say, and may hit
-# again. All wavelengths share one trace. The standard error comes from the number of rays that were caught.
+# Each facet is a small mirror. A ray is reflected, loses the power that the Fresnel equations of aluminium say, and may
+# hit the surface again. All wavelengths share one trace. The standard error comes from the number of rays that the
+# detector caught.
 
 # %%
 rays = gonio.measure(surface, vg.geometric.RayOptics("Al", wavelength_nm, rays=300_000, seed=1))
@@ -49,17 +50,19 @@ rays.vgonio.plot_decomposition()
 
 # %% [markdown]
 # Dark blue is light that was reflected once. Multiple reflections grow with the angle of incidence: at 60° they make
-# up to a sixth of the BRDF. Hatched bins caught too few rays to be split. Where the energy goes is tallied for what
-# leaves, what is absorbed and what is lost, each by itself and never as one minus the others:
+# up to a sixth of the BRDF. Hatched bins caught too few rays to be split. The next figure shows where the energy goes.
+# What leaves, what is absorbed and what is lost are counted separately, and none of them as one minus the others, so
+# that their sum is a check:
 
 # %%
 rays.vgonio.plot_energy()
 
 # %% [markdown]
 # ## 4. Waves
-# A tangent plane at every point, its reflected field summed over the patch with all phases (Kirchhoff's approximation;
-# Beckmann and Spizzichino 1963). One patch gives speckle, not a BRDF: patches tile the surface, their mean is the BRDF
-# and their spread its standard error. Single reflections only, and no shadows.
+# Kirchhoff's approximation (Beckmann and Spizzichino 1963) takes the surface at every point for its tangent plane, and
+# sums the reflected fields over the coherent patch with all their phases. One patch gives speckle, not a BRDF. So
+# patches tile the surface: their mean is the BRDF, and their spread gives its standard error. The theory knows single
+# reflections only, and no shadows.
 
 # %%
 waves = gonio.measure(surface, vg.wave.Kirchhoff("Al", wavelength_nm, tol=1e-3))
@@ -70,14 +73,14 @@ vg.report.plot_lobes(both)
 # The bands are ± one standard error. Two errors are *not* in them: what a theory leaves out, and that another piece of
 # the same sample would look different. Both methods see the same facets, so for the most part they agree better than
 # the bands suggest. In the mirror direction they do not: the beads left a few flats, and these are mirrors a few µm
-# wide. Rays send all of their light into one direction; waves spread it by diffraction, red light more than blue. At
-# 60° the rays have multiple reflections and shadows, which these waves lack.
+# wide. Rays reflect all of their light into one direction; waves spread it by diffraction, red light more than blue. At
+# 60° the rays include multiple reflections and shadows, which this wave theory lacks.
 #
 # ## 5. Colour
 # Under daylight (CIE D65, 2° observer) every pair of directions has a colour. Aluminium is nearly neutral, and so are
-# the rays. The waves see the flats bluish in the mirror direction, as diffraction has it. The rest of their colour is
-# speckle, which differs from one wavelength to the next: a difference of a few ΔE₀₀, where about 1 is just noticeable,
-# is nothing to believe in on so small a sample.
+# the colours by rays. By waves the flats are bluish in the mirror direction, because diffraction spreads red
+# light more. The rest of the colour of the waves is speckle, which differs from one wavelength to the next. On so small
+# a sample a difference of a few ΔE₀₀ therefore means nothing, although a difference of about 1 is just noticeable.
 
 # %%
 vg.report.plot_rgb(both)
@@ -87,7 +90,7 @@ vg.report.plot_delta_e(waves, reference=rays)
 
 # %% [markdown]
 # ## 6. The check
-# Three things that have to be true, none of which the code was told:
+# Three statements have to be true, and none of them is built into the code:
 #
 # 1. The three tallies of energy add up to one.
 # 2. At normal incidence nearly all light is reflected once, near normal incidence on the facets: the reflected share

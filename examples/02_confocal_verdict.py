@@ -24,9 +24,9 @@ here = Path(folder.name)
 
 # %% [markdown]
 # ## 1. The file
-# Blasted aluminium, 128 µm of which the microscope sees. The file that comes out of it is tilted by 1.5° and bent, the
-# steepest 1.5 % of the points sent too little light back and are missing, one in a thousand is a spike, and every
-# height is off by 30 nm at random.
+# The sample is blasted aluminium, and the microscope sees 128 µm of it. The file is tilted by 1.5° and bent. The
+# steepest 1.5 % of the points returned too little light and are missing, one point in a thousand is a spike, and every
+# height has a random error of 30 nm.
 
 # %%
 kind = dict(pitch_um=0.4, bead_diameter_um=(30, 45), depth_um=1.3, coverage=5)
@@ -75,10 +75,11 @@ best = steps["and S-filter of 1 µm"]
 vg.report.plot_slopes(best)
 
 # %% [markdown]
-# A spike is worth more slope than all the rest. Without a filter 30 nm of noise still make the slopes look a tenth too
-# steep; a filter of 3 µm takes the ridges with it. Here 1 µm is right, two and a half samples; 0.8 and 1.5 µm would be
-# as defensible, and move α by some 3 % to either side. A lobe's height goes as 1/α², so the filter alone is worth ± 6
-# %. On a real sample nobody tells the truth: this range belongs to the error of the result.
+# The spikes raise α more than everything else together. Without a filter, 30 nm of noise still make the slopes look a
+# tenth too steep; a filter of 3 µm removes the ridges as well. A cut-off of 1 µm, two and a half samples, is right.
+# Cut-offs of 0.8 and 1.5 µm would be as defensible, and move α by some 3 % to either side. The height of a lobe goes as
+# 1/α², so the choice of the filter alone means an uncertainty of ± 6 %. On a real sample the truth is not known, and
+# this range belongs to the error of the result.
 #
 # ## 4. The measured BRDF
 # The gonioreflectometer looks at another place of the same sample, a spot of millimetres, and sees all reflections;
@@ -136,9 +137,9 @@ tree.vgonio.plot_delta_e()
 
 # %% [markdown]
 # How much of the difference is due to the theory, and how much to the 128 µm that the microscope happened to look at?
-# The standard errors do not say: they are of rays and of speckle. So simulate the four quarters of the field by
-# themselves: their spread, over √4, is the error of *the piece*. Beside it, what a careless treatment of the same file
-# gives: missing points filled and nothing else.
+# The standard errors do not say, because they are those of ray counting and of speckle. So the four quarters of the
+# field are simulated separately: their spread, divided by √4, is the error due to *the piece* that was seen. Beside it
+# stands what a careless treatment of the same file gives, where missing points are filled and nothing else is done.
 
 # %%
 half = best.shape[0] // 2
@@ -173,13 +174,14 @@ print(
 )
 
 # %% [markdown]
-# The careless lobe is half as far off again, though its α is wrong by a factor of 2.5: a few spikes rule an RMS, not a
-# lobe. What betrays them is light where there should be none, back towards the source at 60°.
+# The careless lobe is off by half as much again, although its α is wrong by a factor of 2.5: a few spikes dominate an
+# RMS value, but not a lobe. They show up as light where there should be none, back towards the source at 60°.
 #
-# The verdict, then: rays explain this measurement as well as this piece of the sample can tell. Waves are neither
-# better nor refuted; on so small a field their speckle hides what they lack. And its limits: a theory can only be told
-# from another where they differ by more than the piece (5 %), the filter (6 %) and the speckle together. More fields
-# of view help against the first and the last. Texture finer than the microscope resolves helps nobody.
+# The verdict: rays explain this measurement as well as this piece of the sample allows one to tell. The wave theory is
+# neither better nor refuted, because on so small a field its speckle hides what it lacks. The limits of the verdict:
+# two theories can be told apart only where they differ by more than the errors of the piece (5 %), of the filter (6 %)
+# and of the speckle together. Measuring more fields of view reduces the first and the last. Texture that is finer than
+# the microscope resolves cannot be judged at all.
 #
 # ## 7. A real file
 # An areal measurement by focus variation (an `.al3d` file of a test collection, MIT licence), where the folder of such
@@ -206,7 +208,7 @@ vg.report.plot_surface(shown)
 #
 # 1. The heights that come out of spikes, holes, tilt, form and noise are those that went in, and so are the slopes.
 # 2. The BRDF of the file is that of another place of the sample within the error of the piece.
-# 3. The check can fail: the careless treatment does.
+# 3. The check is able to fail: the careless treatment fails it.
 
 # %%
 recovered = vg.surface.level(best.replace(z=best.z - truth.z), "quadratic")

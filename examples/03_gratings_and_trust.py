@@ -3,8 +3,8 @@
 #
 # A grating is the one rough surface for which everything is known: closed forms for the simple theories, and rigorous
 # solutions of Maxwell's equations, whatever the depth. So it is the place to find out when a fast theory may be
-# believed. This notebook goes from a sinusoid with a formula, by way of a rigorous solver, to a map of where three
-# scalar theories fail, and ends by holding the rigorous solver itself to somebody else's.
+# believed. This notebook begins with a sinusoid that has a closed form, goes on to a rigorous solver, finds out where
+# three scalar theories fail, and ends by comparing the rigorous solver with an independent one.
 #
 # A grating of period P sends light into orders m at sin θ_o = −sin θ_i − mλ/P. Its *efficiency* is the share of the
 # incident power that goes into each.
@@ -111,9 +111,10 @@ for name, found in by_theory.items():
         print(f"{name:25} θ_i = {angle:2}°: within 5 % up to a slope of {holds:.2g}")
 
 # %% [markdown]
-# So Kirchhoff is the one to take: it holds up to a slope of a third at normal incidence, and of an eighth at 60°,
-# where GHS is as good; GHS costs a few per cent at the normal, and OHS is for normal incidence alone. Beyond a slope
-# of 0.4 none of them is of use: facets see each other. `IteratedKirchhoff` and `FullWave` are for that.
+# So Kirchhoff's theory is the one to take. It stays within 5 % up to a slope of a third at normal incidence, and up to
+# an eighth at 60°, where GHS is as good. At normal incidence GHS is off by a few per cent more, and OHS should be used
+# at normal incidence only. Beyond a slope of 0.4 none of the three is of use, because facets see each other;
+# `IteratedKirchhoff` and `FullWave` are made for that.
 #
 # ## 4. Walls
 # A lamellar grating has vertical walls, and no slope says how steep it is: tangent planes know nothing of walls. What
@@ -139,7 +140,8 @@ vg.report.plot_orders(
 )
 
 # %% [markdown]
-# Kirchhoff's theory gives even orders nothing at half ridge, half groove; in truth the walls fill them.
+# Where ridges and grooves are equally wide, Kirchhoff's theory puts no power into the even orders; in truth the walls
+# scatter light into them.
 #
 # ## 5. What vgonio says before it runs
 # `vgonio plan` does not run the rigorous solver. It takes for a surface the grating of the same Sq and slope and looks
@@ -163,12 +165,12 @@ for period, amplitude in ((2.4, 0.05), (3.2, 0.06), (5.0, 0.06)):
 
 # %% [markdown]
 # ## 6. The check
-# 1. Kirchhoff's theory is its closed form.
+# 1. Kirchhoff's theory, computed over the surface, equals its closed form.
 # 2. The rigorous solver keeps energy (reflected and absorbed power, each calculated by itself, add up to one) and is
 #    reciprocal: an order has the same efficiency when the light is sent back along it.
 # 3. It agrees with the *coordinate method* of Chandezon, another formulation in another code, on a sinusoid of the
 #    table that comes with vgonio, per order and polarisation.
-# 4. The forecast says on which side of 5 % an error lies.
+# 4. The forecast tells correctly on which side of 5 % an error lies.
 
 # %%
 assert formula_error < 1e-6, f"Kirchhoff is {formula_error:.0e} off its closed form"

@@ -72,8 +72,8 @@ print("σ = 0.04 µm, mirror direction, three seeds:", one.values.round(), "sr�
 # the light stays in step, and so in the mirror direction. The rest, 1 − exp(−φ²), is the *total integrated scatter*
 # (Davies 1954, Bennett and Porteus 1961). T does not enter: it only says where the scattered light goes.
 #
-# As in the laboratory, a flat mirror in the same instrument says what "all the light" is; what the cone then misses
-# has been scattered.
+# As in the laboratory, a flat mirror in the same instrument gives the reference, "all the light". What the cone misses
+# by comparison has been scattered.
 
 # %%
 gonio = vg.measure.Gonioreflectometer([0, 45], [-45, 0], aperture_deg=1.2, coherence_um=30)
@@ -112,7 +112,8 @@ vg.report.figures.agreement(found, law, error, along=phase, by="correlation_um")
 # ## What a ray calls rough
 #
 # A ray is reflected at the facet it hits, so only slopes matter: α = √2 · (one-axis RMS slope) = 2σ/T for these
-# surfaces. The same study once more, for rougher surfaces, with rays in place of waves and directions all round.
+# surfaces. The same study is run once more for rougher surfaces, with rays in place of waves and with detectors from
+# −80 to 80°.
 
 # %%
 directions = {"start": -80, "stop": 80, "step": 2.5}
@@ -155,9 +156,9 @@ vg.report.figures.agreement(mean, slope, spread, along=slope, by="correlation_um
 # %% [markdown]
 # ## The check
 #
-# Both laws are independent of the solvers. The waves' numerical tolerance is 10⁻³ of the lobe; three seeds make an
-# error of an error, so the test is on all points together: the mean square of (found − law)/error, with 10⁻³ (waves)
-# and 1 % (rays, whose detector and facets are finite) added to the error.
+# Both laws are independent of the solvers. With only three seeds the error of each point is itself uncertain, so the
+# test is on all points together: the mean square of (found − law)/error. To the error are added the numerical tolerance
+# of the waves, 10⁻³ of the lobe, and 1 % for the rays, whose detector and facets are finite.
 
 # %%
 pulls = ((found - law) / np.hypot(error, 1e-3)).values

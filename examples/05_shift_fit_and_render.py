@@ -38,8 +38,8 @@ measured.vgonio.plot_spectra(theta_i_deg=60)
 # ## Local slopes: what does the data say by itself?
 #
 # Each spectrum, divided by the Fresnel reflectance at its half-vector angle, is fitted with a straight line: its
-# slope m in % per 100 nm. No model of direction goes into that. Dashed is the one function h·cos(w·θₘ) + t fitted to
-# all of them.
+# slope m in % per 100 nm. No model of how the slope depends on direction goes into that. The dashed line is the one
+# function h·cos(w·θₘ) + t that is fitted to all of them.
 
 # %%
 measured.vgonio.plot_shift("Al")
@@ -47,10 +47,10 @@ measured.vgonio.plot_shift("Al")
 # %% [markdown]
 # ## Who explains it?
 #
-# Rays on a height field with the same slopes know the metal's colour and multiple reflections, and nothing else. The
-# share of the measured slopes that an explanation gives is 1 − Σ(m − mₖ)²/Σm², weighted with the errors, which are
-# also subtracted: 1 is all, 0 is what "no shift" explains. As a test of the scale, a shift with half the true h is
-# among them: it has to explain 1 − (1 − ½)² = 75 %.
+# Rays on a height field with the same slopes include the metal's colour and multiple reflections, and nothing else. The
+# share of the measured slopes that an explanation gives is 1 − Σ(m − mₖ)²/Σm². The sums are weighted with the errors,
+# whose own contribution is subtracted. A share of 1 is a full explanation, and "no shift" has a share of 0. To test the
+# scale, a shift with half the true h is among the explanations: it has to explain 1 − (1 − ½)² = 75 %.
 
 # %%
 surface = vg.surface.sandblasted(shape=(320, 320), pitch_um=0.5, bead_diameter_um=(30, 45), depth_um=1.8, seed=2)
@@ -105,7 +105,7 @@ if importlib.util.find_spec("mitsuba"):
 # ## The check
 #
 # - Fitted parameters lie within 4 of their stated errors of what was put in, and χ² is 1 to within its own scatter.
-# - Half the shift explains three quarters.
+# - Half the shift explains three quarters of the slopes.
 # - The renderer knows the model as a plug-in of its own. At the highlight the half vector is the normal, so the ratio
 #   of both spheres has to be a line through 600 nm with the slope h: a path from fit to pixel that shares no code
 #   with the fit.

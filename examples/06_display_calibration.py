@@ -51,8 +51,8 @@ print(f"covers {facts['coverage']['sRGB']:.1%} of sRGB and {facts['coverage']['A
 vg.report.display_figures.chromaticity_diagram({"headset": model})
 
 # %% [markdown]
-# White as measured beside the sum of black and the three primaries: measured it is brighter by 4 %, because crosstalk
-# adds more than loading takes away. So much is wrong with the model already.
+# The next figure shows white as measured beside the sum of black and the three primaries. The measured white is
+# brighter by 4 %, because crosstalk adds more than loading takes away. The model cannot describe that.
 
 # %%
 vg.report.display_figures.white_spectra({"headset": model})
@@ -63,8 +63,8 @@ vg.report.display_figures.tone_curves({"headset": model})
 # %% [markdown]
 # ## Does the display obey the model?
 #
-# 64 test colours as measured against the model's simulation, in ΔE₀₀ relative to the measured white; about 1 is just
-# noticeable.
+# The 64 test colours as measured are compared with those that the model predicts, in ΔE₀₀ relative to the measured
+# white. A difference of about 1 is just noticeable.
 
 # %%
 check = vd.check_model(model, readings, doubts)
@@ -95,8 +95,9 @@ for name, found in costs.items():
     print(f"{name:22}" + "".join(f"{v:13.2f}{'!' if v > 1 else ' '}" for v in found.costs().values()))
 
 # %% [markdown]
-# An exclamation mark is a mean ΔE₀₀ above 1. Crosstalk and a supply that gives way break the two assumptions on
-# several channels, a white sub-pixel additivity alone, wandering bands those on one channel.
+# An exclamation mark means a mean ΔE₀₀ above 1. Crosstalk breaks independence and additivity, the two assumptions about
+# several channels. Loading of 15 % and a white sub-pixel break additivity, and wandering bands break constancy and
+# tone, the two assumptions about a single channel.
 #
 # ## Profile, table, verification
 #
@@ -115,7 +116,8 @@ for way, numbers in calibration.statistics().items():
     print(f"{way:17} mean ΔE₀₀ {numbers['mean']:.2f}, largest {numbers['max']:.2f}")
 
 # %% [markdown]
-# Outer squares are wanted, inner ones displayed (their difference, that is: this page is not colour-managed).
+# The outer squares are the wanted colours and the inner ones the displayed colours. Only their difference is
+# meaningful, because this page is not colour-managed.
 
 # %%
 vg.report.display_figures.patches(calibration)
@@ -123,9 +125,9 @@ vg.report.display_figures.patches(calibration)
 # %% [markdown]
 # ## The check
 #
-# A second way round, with as little of vgonio in it as there can be: colour-science reads the file of the table and
-# applies it to 200 random Adobe RGB colours, decodes them to what they mean, and works out ΔE₀₀ itself. Only the
-# headset is vgonio's, faults and all.
+# The same is done a second way, with as little of vgonio as possible. The library colour-science reads the file of the
+# table, applies it to 200 random Adobe RGB colours, decodes them to the colours that are meant, and computes ΔE₀₀
+# itself. Only the headset with its faults is vgonio's.
 
 # %%
 rgb = np.random.default_rng(0).random((200, 3))

@@ -141,6 +141,26 @@ def test_docstrings_become_lists_and_links() -> None:
     ]
 
 
+def test_symbols_get_their_indices() -> None:
+    sys.path.insert(0, str(DOCS))
+    try:
+        from docstrings import symbols
+    finally:
+        sys.path.remove(str(DOCS))
+    assert symbols("q_z = k (cos θ_i)") == ["q", "z", " = k (cos θ", "i", ")"]
+    for name in ("s_um", "theta_i", "k_nm", "x_axis", "file_a.csv"):
+        assert symbols(name) == [name]
+
+
+def test_no_line_is_lost_as_a_comment() -> None:
+    """MyST takes a line that begins with a per cent sign for a comment, and the page lacks what it says."""
+    lost = [f"{p.name}: {line}" for p in PAGES for line in p.read_text(encoding="utf-8").splitlines() if line[:1] == "%"]
+    for script in (ROOT / "examples").glob("*.py"):
+        lines = script.read_text(encoding="utf-8").splitlines()
+        lost += [f"{script.name}: {line}" for line in lines if re.match(r"# %(?!%)", line)]
+    assert lost == []
+
+
 # what stands before a year and is no author
 NO_AUTHORS = {"CIE", "RGB", "Arizona", "TOG", "SIGGRAPH", "EGSR", "ISO", "RAL"}
 
