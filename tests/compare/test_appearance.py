@@ -22,7 +22,7 @@ from vgonio.compare import (
 )
 from vgonio.compare.explained import kind_of
 from vgonio.compare.gloss import RECEPTORS_DEG, of_model, reading
-from vgonio.directions import Detector, cone_projected_solid_angle
+from vgonio.directions import Detector, cone_projected_solid_angle, unit_vectors
 from vgonio.errors import InputError
 from vgonio.models.cook_torrance_1982 import fresnel_dielectric
 
@@ -114,6 +114,18 @@ def test_scatter_of_lambert_is_what_lies_outside_the_cone():
         total_integrated_scatter(models.evaluate("lambert-1760", [0], Detector.hemisphere(10), W, k_d=0.6))
     with pytest.raises(InputError, match="within 0 to 90"):
         total_integrated_scatter(data, 90)
+
+
+@pytest.mark.parametrize("phi_i", [0.0, 90.0, 200.0])
+def test_scatter_over_cells_is_about_the_mirror_direction(phi_i):
+    """All light within 10° of the mirror direction, φ_i + 180°: no scatter beyond 15°; nothing else about others."""
+    cells = Detector.hemisphere(3)
+    base = models.evaluate("lambert-1760", [40.0], cells, W, k_d=0.5).assign_coords(phi_i=phi_i)
+    for turn, expected in ((180.0, 0.0), (0.0, 1.0), (90.0, 1.0)):
+        middle = unit_vectors(np.radians(40.0), np.radians(phi_i + turn))
+        lobe = (cells.directions @ middle > np.cos(np.radians(10))).astype(float)
+        data = base.assign(brdf=base.brdf * xr.DataArray(lobe, dims="cell"))
+        np.testing.assert_allclose(total_integrated_scatter(data, 15.0), expected, atol=1e-12)
 
 
 def test_reflectance_of_facets_in_three_ways():

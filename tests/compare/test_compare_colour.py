@@ -252,3 +252,15 @@ def test_bad_choices():
     for exposure in (0.0, -1.0, np.nan):
         with pytest.raises(InputError, match="exposure"):
             rgb_map(data, exposure=exposure)
+
+
+def test_emitted_light_ends_where_its_spectrum_does():
+    """Light of 1 from 500 to 600 nm: sums of the observer over it, nothing beyond; a ramp alike."""
+    cmfs = science().MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+    inside = (cmfs.wavelengths >= 500) & (cmfs.wavelengths <= 600)
+    weights = own.emitted_weights(np.array([500.0, 520, 600]))
+    np.testing.assert_allclose(weights.sum(axis=0), cmfs.values[inside].sum(axis=0), rtol=1e-12)
+    rising = (cmfs.wavelengths - 500) / 100
+    np.testing.assert_allclose(
+        np.array([0.0, 0.2, 1.0]) @ weights, (rising[:, None] * cmfs.values)[inside].sum(axis=0), rtol=1e-12
+    )

@@ -252,6 +252,16 @@ def test_standard_error_of_one_common_slope_is_that_of_a_mean():
     assert found["h1"] == pytest.approx(expected, rel=0.01)
 
 
+def test_error_of_the_value_between_two_samples():
+    """f(λ_n) = (1 − t) f₁ + t f₂ of independent samples: (1 − t)² + t², 0.625 a quarter of the way, 1 at a sample."""
+    data = dataset(np.arange(390.0, 771, 20))
+    data["brdf_stderr"] = xr.full_like(data.brdf, 0.01)
+    for wavelength_n, expected in ((595.0, 0.75**2 + 0.25**2), (600.0, 0.5), (590.0, 1.0)):
+        s = normalised_spectra(data, "Al", wavelength_n)
+        samples = 1 / s.weight[:, -1]  # those of one spectrum are alike
+        np.testing.assert_allclose(s.anchor_variance / samples, expected, rtol=1e-9)
+
+
 def test_an_error_far_below_the_others_does_not_rule_the_fit():
     """A lucky estimate counts as no less than 1 % of the median; one that is not known counts as the median."""
     data = dataset()

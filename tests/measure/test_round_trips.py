@@ -15,6 +15,7 @@ from vgonio.errors import FileFormatError, InputError
 from vgonio.measure import formats
 from vgonio.measure.isotropic import isotropic, sampled
 from vgonio.measure.readers import merl, rgl, zemax
+from vgonio.measure.readers.out_of_plane import solid_angles
 
 
 @pytest.fixture
@@ -85,6 +86,16 @@ def test_csv_units_are_stated_or_recognised(tmp_path):
         rows(plain, (30, -45, 550))
     with pytest.raises(FileFormatError, match="line 3.*'x'"):
         rows(plain, (30, -45, 550, "x"))
+
+
+def test_solid_angles_are_what_lies_nearer_than_to_any_other(rng):
+    """Of scattered directions, against counting 40,000 directions of a spiral over the hemisphere."""
+    theta, phi = np.degrees(np.arccos(rng.random(9))), 360 * rng.random(9)
+    up, n = unit_vectors(np.radians(theta), np.radians(phi)), 40_000
+    z, turn = (np.arange(n) + 0.5) / n, np.arange(n) * np.pi * (3 - np.sqrt(5))
+    spiral = np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], axis=1)
+    expected = np.bincount(np.argmax(spiral @ up.T, axis=1), minlength=9) * 2 * np.pi / n
+    np.testing.assert_allclose(solid_angles(theta, phi), expected, atol=2e-3)
 
 
 def test_errors_are_in_the_unit_of_their_column(tmp_path):
