@@ -273,3 +273,22 @@ def test_jagged_surface_to_a_tolerance_that_once_passed_unmet():
     for tol in (1e-3, 1e-5, 1e-7):
         found = vg.wave.surface_fourier(surface, q, method="reference", tol=tol)
         assert np.linalg.norm(found - exact) <= tol * np.linalg.norm(exact)
+
+
+@pytest.mark.parametrize("seed", [9, 30, 34])
+def test_midpoints_that_would_not_do_give_way_to_panels(seed, monkeypatch):
+    """72 jagged samples, periodic: midpoints (fourth order at the spline's kinks) ended with a warning after eight
+    grids; panels between the samples meet the tolerance on fewer points, without one."""
+    rng = np.random.default_rng(seed)
+    z = rng.choice([0.05, 0.2, 1.0]) * rng.normal(size=(8, 9))
+    surface = Heightfield(z, (0.7, 1.3), periodic=True)
+    m = np.stack([rng.integers(-4, 5, 5) for _ in range(2)], axis=1)  # on the field's orders midpoints are the rule
+    q = np.column_stack([2 * np.pi * m / np.array(surface.size_um[::-1]), rng.uniform(-20, 20, 5)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = evaluate(surface, q, None, "reference", 1e-7)
+    exact = evaluate(surface, q, None, "reference", 1e-11).S
+    assert np.linalg.norm(found.S - exact) <= 1e-7 * np.linalg.norm(exact)
+    monkeypatch.setattr("vgonio.wave.fourier._fewer", lambda *given: False)
+    with pytest.warns(VgonioWarning, match="is not enough"):
+        assert evaluate(surface, q, None, "reference", 1e-7).points > found.points

@@ -16,6 +16,7 @@ from . import nufft
 from .quadrature import Complex, Floats, Points, axis_rule, choose_rule, finer, rates, require_affordable
 
 METHODS = ("auto", "nufft", "opencl", "reference")
+STEP = 1.4  # closer points, where a grid did not suffice
 CHECKED = 48  # scattering vectors whose integral is computed again on a finer grid
 MAX_POINTS = 60_000_000  # of one refined grid: 1.4 GB with weights
 OPENCL_RATE = 2e9  # terms per second of the direct sum on two cores, only to choose between methods
@@ -63,14 +64,11 @@ def evaluate(
     if len(vectors) == 0:
         return Transform(np.zeros(0, np.complex128), 0.0, method, surface.pitch_um, 0)
     rule = _rule(surface, vectors, w, tol)
-    fastest = np.maximum(rates(surface, vectors), 1e-9)
-    # one point a cycle of the fastest phase, and more the smaller the tolerance
-    per_cycle = {"uniform": 1.1 + 0.15 * -np.log10(tol), "gauss": 2.5 + 0.4 * -np.log10(tol), "cells": 1.0}[rule]
-    spacing = 2 * np.pi / fastest / per_cycle
+    spacing = _first_spacing(surface, vectors, rule, tol)
     chosen = _choose(method, surface, vectors, spacing, tol)
     if rule != "cells" and len(vectors) > 4 * CHECKED:
         spacing = _tried(surface, vectors, spacing, rule, w, tol)
-    eps, discretisation, rounding = tol / 10, 0.0, 0.0
+    eps, discretisation, rounding = tol / 10, np.inf, 0.0
     for attempt in range(8):
         points = sample(surface, spacing, rule, w)
         S = apply(chosen, points, vectors, eps)
@@ -80,12 +78,15 @@ def evaluate(
         # the same grid again by another method, then a finer grid: two errors, each with its own remedy
         again = S[some] if check == chosen == "reference" else apply(check, points, vectors[some], eps / 100)
         rounding = _distance(S, S[some], again, some)
+        before, discretisation = discretisation, 0.0
         if rule != "cells":
             discretisation = _distance(S, again, apply(check, fine, vectors[some], eps / 100), some)
         if max(rounding, discretisation) <= tol / 2 or attempt == 7 or 4 * fine.size > MAX_POINTS:
             break
         if discretisation > tol / 2:
-            spacing = spacing / 1.4
+            panels = _first_spacing(surface, vectors, "gauss", tol)
+            fewer = rule == "uniform" and _fewer(surface, w, panels, spacing, discretisation, before, tol)
+            rule, spacing = ("gauss", panels) if fewer else (rule, spacing / STEP)
         if rounding > tol / 2:
             eps /= 10
     floor = _floor(chosen, points, vectors)
@@ -98,6 +99,28 @@ def evaluate(
         )
         warnings.warn(f"surface_fourier: {total:.1e} instead of {tol:.1e}: {why}", VgonioWarning, stacklevel=3)
     return Transform(S, total, chosen, (float(spacing[0]), float(spacing[1])), points.size)
+
+
+def _first_spacing(surface: Heightfield, q: Floats, rule: str, tol: float) -> Floats:
+    """(2,) one point a cycle of the fastest phase, and more the smaller the tolerance."""
+    per_cycle = {"uniform": 1.1 + 0.15 * -np.log10(tol), "gauss": 2.5 + 0.4 * -np.log10(tol), "cells": 1.0}[rule]
+    return 2 * np.pi / np.maximum(rates(surface, q), 1e-9) / per_cycle
+
+
+def _fewer(
+    surface: Heightfield, window: Interpolant | None, panels: Floats, spacing: Floats, error: float, before: float,
+    tol: float,
+) -> bool:  # fmt: skip
+    """Whether panels between the samples take fewer points than midpoints will in the end.
+
+    The spline's kinks make the error of midpoints fall as the fourth power of the spacing, unless it fell faster.
+    """
+    if not np.isfinite(before):
+        return False
+    steps = np.log(error / (tol / 2)) / np.log(max(before / max(error, 1e-300), STEP**4))
+    points = [np.prod([len(w) for _, w in _axes(surface, s, rule, window)])
+              for s, rule in ((panels, "gauss"), (spacing / STEP ** np.ceil(steps), "uniform"))]  # fmt: skip
+    return bool(points[0] < points[1])
 
 
 def _tried(
@@ -122,26 +145,33 @@ def _tried(
         norm = np.sum(np.abs(S) ** 2) + rest * np.sum(np.abs(S[between]) ** 2)
         if np.sum(delta**2) + rest * np.sum(delta[between] ** 2) <= (tol / 2.5) ** 2 * norm:
             break
-        spacing, coarse = spacing / 1.4, sample(surface, spacing / 1.4, rule, window)
+        spacing, coarse = spacing / STEP, sample(surface, spacing / STEP, rule, window)
     return spacing
 
 
 def sample(surface: Heightfield, spacing: ArrayLike, rule: str, window: Interpolant | None = None) -> Points:
     """Points and weights over the whole domain. One profile repeated costs one dimension where there is no window."""
-    ip = surface.interpolant
     sy, sx = np.asarray(spacing, float)
     ly, lx = surface.size_um
-    require_affordable(1 if surface.is_profile and window is None else ly / sy, lx / sx)
-    x, wx = axis_rule(ip.x_axis, 0.0, lx, sx, rule)
+    once = surface.is_profile and window is None
+    require_affordable(1 if once else ly / sy, lx / sx)
+    (y, wy), (x, wx) = _axes(surface, spacing, rule, window)
     cell = surface.pitch_um if rule == "cells" else (0.0, 0.0)
-    if surface.is_profile and window is None:
-        y, wy, cell = np.array([ly / 2]), np.array([ly]), (ly, cell[1])
-    else:
-        y, wy = axis_rule(ip.y_axis, 0.0, ly, sy, rule)
     weight = wy[:, None] * wx[None, :]
     if window is not None:
         weight = weight * window.grid(y, x)
-    return Points(x, y, ip.grid(y, x), weight, cell)
+    return Points(x, y, surface.interpolant.grid(y, x), weight, (ly, cell[1]) if once else cell)
+
+
+def _axes(
+    surface: Heightfield, spacing: ArrayLike, rule: str, window: Interpolant | None
+) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
+    """Positions and weights along y and x."""
+    ip, (sy, sx), (ly, lx) = surface.interpolant, np.asarray(spacing, float), surface.size_um
+    along_x = axis_rule(ip.x_axis, 0.0, lx, sx, rule)
+    if surface.is_profile and window is None:
+        return (np.array([ly / 2]), np.array([ly])), along_x
+    return axis_rule(ip.y_axis, 0.0, ly, sy, rule), along_x
 
 
 def apply(method: str, points: Points, q: Floats, tol: float, azimuth: float | None = None) -> Complex:
