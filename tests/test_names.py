@@ -95,3 +95,15 @@ def test_what_results_hold_has_a_unit_where_its_name_has_none():
         if stderr:
             assert VARIABLES[stderr[1]][0] == unit, name
     assert not set(COORDINATES) & set(VARIABLES)
+
+
+def test_the_glossary_names_what_is_there():
+    """Names in the table of words are in the code; a renamed one would stay behind unseen."""
+    root = Path(__file__).resolve().parents[1]
+    table = (root / "CONVENTIONS.md").read_text(encoding="utf-8").split("\n## Words\n")[1].split("\n## ")[0]
+    code = "\n".join(p.read_text(encoding="utf-8") for p in sorted((root / "vgonio").rglob("*.py")))
+    named = {n for text in re.findall(r"`([^`]+)`", table) for n in re.findall(r"\w+", text)}
+    assert len(named) > 25
+    assert sorted(n for n in named if not re.search(rf"\b{n}\b", code) and not n.startswith("_")) == []
+    words = re.findall(r"^\| ([^|`]+?)(?:, `\w+`)? \|", table, re.M)[1:]
+    assert len(words) == len(set(words)) > 15

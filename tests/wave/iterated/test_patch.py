@@ -261,4 +261,4 @@ def test_extreme_patches_give_finite_numbers_and_say_why_not_to_trust_them(name,
         assert np.isfinite(values).all()
         assert (values >= 0).all()
     assert np.isfinite(data.mueller).all()
-    assert reason in data.attrs["limits"]
+    assert reason in data.attrs["remarks"]

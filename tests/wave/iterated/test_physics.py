@@ -204,7 +204,7 @@ def test_extreme_cases_give_finite_numbers_and_say_that_they_are_out_of_range(na
         assert np.isfinite(values).all()
         assert (values >= 0).all()
     assert np.isfinite(data.mueller).all()
-    assert reason in data.attrs["limits"]
+    assert reason in data.attrs["remarks"]
 
 
 def test_wood_anomaly_is_named():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 import warnings
 from typing import TYPE_CHECKING, Any
@@ -75,7 +76,7 @@ def orders(solver: IteratedKirchhoff, surface: Heightfield, theta_i_deg: Any) ->
             "theory": "iterated-kirchhoff",
             "period_um": period,
             "material": solver.material.name,  # type: ignore[union-attr]
-            "limits": "; ".join(reasons) or "none known",
+            "remarks": json.dumps(reasons, ensure_ascii=False),
             "seconds": time.perf_counter() - start,
             "versions": versions(),
         },

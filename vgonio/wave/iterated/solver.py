@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 import warnings
 from collections.abc import Callable
@@ -76,7 +77,7 @@ class IteratedKirchhoff:
     run on an OpenCL device. Results have `brdf_by_bounce` (each by itself), `brdf_interference` (the sum of their
     interference terms) and on profiles `brdf_diffraction` (what the sweeps change in their coherent sum), which add up
     to brdf, and the like of energies. Without sweeps the theory is that of single-valued tangent planes: where it is
-    out of range, the attribute `limits` and a warning say so. `scatter` raises InputError, MaterialError and
+    out of range, the attribute `remarks` and a warning say so. `scatter` raises InputError, MaterialError and
     ToleranceError (too many points).
     """
 
@@ -152,7 +153,7 @@ class IteratedKirchhoff:
             "error_achieved": error,
             "error_estimate": f"largest change of brdf, relative to its maximum, with points {COARSER:g} times wider "
             "apart, in one window at the first wavelength",
-            "limits": "; ".join(reasons) or "none known",
+            "remarks": json.dumps(reasons, ensure_ascii=False),
             "seconds": time.perf_counter() - start,
         }
         return data
