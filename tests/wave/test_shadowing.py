@@ -12,6 +12,7 @@ import vgonio as vg
 from vgonio.errors import InputError, VgonioWarning
 from vgonio.materials import material
 from vgonio.surface import Heightfield
+from vgonio.surface.visibility import visible
 from vgonio.wave import Kirchhoff, reference
 from vgonio.wave.amplitudes import HalfVector, LocalFacet
 from vgonio.wave.coherence import WindowPlan
@@ -124,6 +125,23 @@ def test_short_wavelengths_become_the_rays_that_are_not_blocked(agreement):
         "%",
     )
     assert plain.brdf.values.ravel()[0] > 1.25 * expected[0]
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+def test_shadows_are_looked_up_where_they_were_found(periodic):
+    """At the middles of the cells on which they were found, and anywhere within them, also a period further on."""
+    surface = vg.surface.gaussian(rms_um=1.0, correlation_um=3.0, shape=(12, 20), pitch_um=0.5).replace(
+        periodic=periodic
+    )
+    direction = np.array([0.8, 0.3, 0.4])
+    expected = visible(surface, direction, 3)
+    assert 0.2 < expected.mean() < 0.9
+    shadows = Shadows(surface, 3)
+    for off in (0.02, 0.5, 0.98):
+        y, x = ((np.arange(3 * n) + off) * 0.5 / 3 for n in surface.shape)
+        np.testing.assert_array_equal(shadows.at(direction, y, x), expected)
+        if periodic:
+            np.testing.assert_array_equal(shadows.at(direction, y - 6.0, x + 10.0), expected)
 
 
 def test_shells_add_up_to_what_each_pair_sees():
