@@ -1,11 +1,11 @@
 """Diffraction: forward–backward sweeps over a profile, from the iterated field towards the full solution.
 
 One sweep goes once along the points from left to right and once back; each block of points takes the latest field of
-all others, seen or not, and solves for its own. Point by point this is the forward–backward method (Holliday, DeRaad and
-St-Cyr 1996) or that of ordered multiple interactions (Kapp and Brown 1996). Pino et al. 1999, the generalised
-method, solve a single block directly, the surroundings of a target on the surface; here every block is, all of one size,
-which is a symmetric block Gauss–Seidel iteration. So light bends around edges of shadows, creeps, and the material
-behind them is dark because fields cancel there, not because it is said to be.
+all others, seen or not, and solves for its own. Point by point this is the forward–backward method (Holliday, DeRaad
+and St-Cyr 1996), also called that of ordered multiple interactions (Kapp and Brown 1996). Its generalised form
+(Pino et al. 1999) solves one block directly, the surroundings of a target on the surface; here all blocks are solved
+so, all of one size: a symmetric block Gauss–Seidel iteration. So light bends around edges of shadows, creeps, and the
+material behind them is dark because fields cancel there, not because it is said to be.
 """
 
 from __future__ import annotations
