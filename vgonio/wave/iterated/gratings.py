@@ -11,11 +11,11 @@ import numpy as np
 import xarray as xr
 
 from ...dataset import label, plain, versions
-from ...directions import angle_list
-from ...errors import InputError, VgonioWarning
+from ...errors import VgonioWarning
 from ...materials import Material
 from ...surface.heightfield import Heightfield
 from ...units import radians
+from ..orders import Orders
 from ..quadrature import Complex, Floats
 from .curve import Curve, joined, sample_curve
 from .diffraction import SETTLED
@@ -40,23 +40,15 @@ def orders(solver: IteratedKirchhoff, surface: Heightfield, theta_i_deg: Any) ->
     is seen by the detector. Raises InputError for a surface that is not one periodic profile along x.
     """
     start = time.perf_counter()
-    if not (surface.periodic and surface.is_profile):
-        raise InputError(
-            f"{surface.name or 'the surface'} is not one periodic profile along x: orders are for gratings "
-            "(periodic = true and all rows equal); use scatter for anything else"
-        )
-    period = surface.period_um or surface.size_um[1]
-    theta, wavelength = angle_list(theta_i_deg, "theta_i_deg"), np.asarray(solver.wavelength_nm, float)
-    most = int(np.floor(2 * period / (wavelength.min() * 1e-3)))
-    m = np.arange(-most, most + 1)
-    sine = -np.sin(radians(theta))[:, None, None] - m[:, None] * wavelength * 1e-3 / period
-    efficiency = np.zeros((2, *sine.shape, 2))
+    found = Orders.of(surface, theta_i_deg, solver.wavelength_nm)
+    period, theta, wavelength = found.period, found.theta_i, found.wavelength
+    efficiency = np.zeros((2, *found.sine.shape, 2))
     for w, one in enumerate(wavelength):
         curve, sight = _one_period(surface, period, one * 1e-3 / solver.per(surface))
         for p, polarisation in enumerate(POLARISATIONS):
             for i, t in enumerate(radians(theta)):
-                there = np.abs(sine[i, :, w]) < 1 - 1e-12
-                to = np.arcsin(sine[i, there, w])
+                there = found.there[i, :, w]
+                to = np.arcsin(found.sine[i, there, w])
                 efficiency[:, i, there, w, p] = _efficiencies(
                     solver, curve, sight, period, float(one), polarisation, float(t), to
                 )
@@ -64,13 +56,9 @@ def orders(solver: IteratedKirchhoff, surface: Heightfield, theta_i_deg: Any) ->
     if reasons:
         warnings.warn("iterated Kirchhoff: " + "; ".join(reasons), VgonioWarning, stacklevel=3)
     over = ("theta_i", "order", "wavelength", "polarisation")
-    leaving = np.degrees(np.where(np.abs(sine) < 1, np.arcsin(np.clip(sine, -1, 1)), np.nan))
     data = xr.Dataset(
         {"efficiency": (over, efficiency[1]), "efficiency_single": (over, efficiency[0])},
-        coords={
-            "theta_i": theta, "order": m, "wavelength": wavelength, "polarisation": list(POLARISATIONS),
-            "theta_o": (("theta_i", "order", "wavelength"), leaving),
-        },
+        coords=found.coords | {"polarisation": list(POLARISATIONS)},
         attrs={
             "method": f"waves: iterated Kirchhoff, at most {solver.bounces} reflections, {2 * NEIGHBOURS + 1} periods",
             "theory": "iterated-kirchhoff",
