@@ -55,6 +55,11 @@ def test_double_reflections_at_oblique_incidence():
     t = np.deg2rad(20)
     # after a wall of slope ±1 light from θ travels at 20° to the horizontal: length = horizontal distance / cos 20°
     assert np.isclose(data.path_length[1], data.horizontal_distance[1] / np.cos(t), rtol=1e-9)
+    # of the rays that are reflected twice, a third is not, the distance is even between 0 and twice its mean
+    single, double = data.paths_followed.values[:2]
+    assert single > 0.3 * RAYS
+    expected = np.clip(1 - data.distance / (2 * data.horizontal_distance[1]), 0, 1)
+    assert np.abs(data.second_hit_beyond - expected).max() < 5 * 0.5 / np.sqrt(double)
 
 
 def test_ways_over_many_periods():

@@ -17,6 +17,7 @@ import vgonio as vg
 from vgonio import validity
 from vgonio.surface import Heightfield
 from vgonio.wave import trust
+from vgonio.wave.theories import THEORIES
 
 ROOT = Path(__file__).resolve().parents[2]
 SINUSOIDS = [c for c in trust.cases() if c.shape == "sinusoidal"]
@@ -89,6 +90,17 @@ def test_lamellar(agreement):
         (4, 20),
         "%",
     )
+
+
+def test_figures_of_a_grating_by_hand():
+    """Two orders: rigorous is the mean of TE and TM, errors Σ|Δ| over its sum, polarisation Σ|TE − TM|/Σ(TE + TM)."""
+    rows = [("0.5", "0.3", "0.5"), ("0.1", "0.3", "0.1")]
+    lines = [{"TE": te, "TM": tm} | dict.fromkeys(THEORIES, found) for te, tm, found in rows]
+    case = trust._case(["sinusoidal", "0.1", "2.0", "0.5", "30"], lines)
+    assert case.polarisation == pytest.approx((0.2 + 0.2) / 1.2)
+    assert case.error == pytest.approx(dict.fromkeys(THEORIES, (0.1 + 0.1) / 0.6))
+    assert (case.depth, case.period, case.theta_i_deg) == pytest.approx((0.2, 4.0, 30.0))
+    assert case.slope == pytest.approx(np.pi * 0.1 / (np.sqrt(2) * 2.0))
 
 
 def test_a_grating_stands_for_itself():

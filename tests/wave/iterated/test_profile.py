@@ -9,6 +9,7 @@ import pytest
 from scipy.special import hankel1
 
 import vgonio as vg
+from vgonio.directions import Detector
 from vgonio.errors import InputError, ToleranceError, VgonioWarning
 from vgonio.materials import material
 from vgonio.surface import Heightfield
@@ -16,6 +17,7 @@ from vgonio.surface.visibility import single_reflections
 from vgonio.wave import Kirchhoff
 from vgonio.wave.iterated import IteratedKirchhoff
 from vgonio.wave.iterated.curve import Curve, sample_curve
+from vgonio.wave.iterated.far_field import directions
 from vgonio.wave.iterated.propagate import hankel, near_grazing, pair_operators
 from vgonio.wave.iterated.sight import look
 
@@ -234,3 +236,15 @@ def test_an_error_of_the_spacing_above_tol_is_told(surface):
     with warnings.catch_warnings():
         warnings.filterwarnings("error", message=".*instead of")
         gonio.measure(surface, IteratedKirchhoff("Al", [550], tol=max(named, 1e-9), sweeps=0))
+
+
+@pytest.mark.parametrize("theta", [0.0, 84.0, -88.0])
+def test_a_cone_catches_what_is_above_the_horizon(theta):
+    """Power of 1 per radian: the angle of the cone above the horizon over ∫ cos θ dω."""
+    detector = Detector.in_plane([theta], 10.0)
+    to = directions(detector, 1.0, 0.5, 400.0)
+    assert np.abs(to.theta).max() < np.pi / 2
+    angle = np.deg2rad(min(theta + 5, 90.0) - max(theta - 5, -90.0))
+    found = to.means(np.ones(len(to.theta)))
+    assert found[0] == pytest.approx(angle / detector.projected_solid_angle[0], rel=0.01)
+    assert to.total(np.ones(len(to.theta))) == pytest.approx(np.pi, rel=1e-12)
