@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "vgonio"
 # a module may import from its own layer (in itself: a package is one part) and from layers before it
 LAYERS = [
     {"errors"},
-    {"units", "directions", "materials", "dataset", "files", "memory", "hdf5"},
+    {"units", "directions", "materials", "dataset", "files", "file_kinds", "memory", "hdf5"},
     {"surface"},
     {"geometric", "wave"},
     {"measure"},

@@ -210,3 +210,14 @@ def test_hemisphere():
 def test_bad_parameters(name, more, message):
     with pytest.raises(InputError, match=message):
         models.evaluate(name, [0], [0], [500, 600], **more)
+
+
+def test_a_share_read_off_a_table_can_be_given_again():
+    """The weights of an interpolation add up to 1 + 2e-16; a share of 1 stays one, and no fit fails of it."""
+    axis = np.linspace(0.1, 60.0, 13)
+    table = xr.DataArray(np.ones((13, 13)), {"theta_i": axis, "theta_o": axis}, ("theta_i", "theta_o"))
+    grid = np.radians(np.linspace(0.0, 70.0, 997))
+    found = models.two_shifts.share_at(Geometry.of(grid, grid[::-1]), table)
+    assert models.two_shifts.share_at(Geometry.of(grid, grid[::-1]), found) is not None
+    assert found.max() == 1.0
+    np.testing.assert_allclose(found, 1.0, rtol=1e-15)

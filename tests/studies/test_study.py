@@ -180,3 +180,16 @@ def test_what_the_machine_failed_is_tried_again_and_refused_input_is_not(tmp_pat
 
     assert left(retry=False) == (keys[2:], 2)
     assert left(retry=True) == (keys[1:], 1)
+
+
+def test_messages_name_the_files_with_their_endings(tmp_path) -> None:
+    (tmp_path / "base.toml").write_text('[material]\nname = "Al"\n[surface]\ngenerate = { kind = "flat" }\n')
+    path = tmp_path / "bad3.toml"
+    path.write_text('scene = "base.toml"\n[vary]\n"material.nme" = [1]\n')
+    with pytest.raises(InputError, match=r"^bad3\.toml: no point of it is a valid scene: base\.toml: .*nme"):
+        load_study(path)
+    path.write_text('scene = "base.toml"\nvarry = 1\n[vary]\n"material.name" = ["Al", "Au"]\n')
+    with pytest.raises(InputError, match=r"^bad3\.toml: unknown key 'varry'"):
+        load_study(path)
+    path.write_text('scene = "base.toml"\n[vary]\n"material.name" = ["Al", "Au"]\n')
+    assert load_study(path).title == "bad3"

@@ -136,11 +136,12 @@ def _counts(standard: bool) -> Callable[[Path], None]:
 
 
 def _counts_csv(path: Path, data: Any) -> None:
+    names = {"theta_i_deg": "theta_i", "theta_o_deg": "theta_o", "wavelength_nm": "wavelength"}
     table = data[["counts", "counts_stderr"]].to_dataframe().reset_index()
-    names = {"theta_i": "theta_i_deg", "theta_o": "theta_o_deg", "wavelength": "wavelength_nm"}
-    text = table.rename(columns=names)[[*names.values(), "counts", "counts_stderr"]].to_csv(index=False)
+    rows = table[[*names.values(), "counts", "counts_stderr"]].to_numpy()
+    lines = [",".join([*names, "counts", "counts_stderr"]), *(",".join(f"{v:.9g}" for v in row) for row in rows)]
     with written_whole(path) as stream:
-        stream.write(text.encode())
+        stream.write(("\n".join(lines) + "\n").encode())
 
 
 def _readings(path: Path) -> None:

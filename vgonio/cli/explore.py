@@ -9,6 +9,7 @@ import typer
 
 from ..files import PAGE_ENDINGS
 from .common import Quiet, Threads, say
+from .results import require_one_point
 
 
 def explore(
@@ -34,6 +35,7 @@ def explore(
     path = output if output is not None else result.with_name(f"{result.stem}_explore.html")
     check_output(path, PAGE_ENDINGS, [result])
     tree = measure.open(result)
+    require_one_point(tree, result)
     from ..report.explorer import explorer_page
 
     explorer_page(tree, with_folder(path))

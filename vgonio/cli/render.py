@@ -145,9 +145,12 @@ def _materials(spec: str, fill: str, wavelength_nm: Any) -> list[Appearance]:
     fit = _fit(Path(spec))
     if fit is not None:
         return [of_fit(fit, Path(spec).stem)]
-    from .results import _load
+    from .results import _load, require_one_point
 
-    return [of_dataset(data, name, fill) for name, data in _load(Path(spec)).items()]
+    found = _load(Path(spec))
+    for data in found.values():
+        require_one_point(data, Path(spec))
+    return [of_dataset(data, name, fill) for name, data in found.items()]
 
 
 def formula(text: str) -> dict[str, Any]:

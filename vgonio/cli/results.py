@@ -103,13 +103,27 @@ def _explained(data: dict[str, Any], reference: str, reflector: Any, figures: Pa
     return rows
 
 
-def load_all(files: list[Path]) -> dict[str, Any]:
-    """All BRDFs of several files by name, no two alike."""
+def load_all(files: list[Path], one_point: bool = False) -> dict[str, Any]:
+    """All BRDFs of several files by name, no two alike; with `one_point` InputError for those of a sweep."""
     data: dict[str, Any] = {}
     for file in files:
         for name, found in _load(file).items():
+            if one_point:
+                require_one_point(found, file)
             data[_unused(name, data)] = found
     return data
+
+
+def require_one_point(data: Any, file: Path) -> None:
+    """InputError for the tree or a dataset of a sweep, over swept keys, where one point of it is needed."""
+    dims = data["brdf"].dims if "brdf" in data else data.dims
+    further = [str(d) for d in dims if d not in ("theta_i", "theta_o", "cell", "wavelength")]
+    if further:
+        path = str(file) if file.exists() else str(file).rpartition(":")[0]
+        raise InputError(
+            f"{path} is the result of a sweep over {', '.join(further)}, and one point of it is needed here: in "
+            f"Python, vg.save(vg.open({path!r}).isel({', '.join(f'{d}=0' for d in further)}), 'point.nc') keeps one"
+        )
 
 
 def load_one(file: Path, wanted: Callable[[Any], bool], what: str) -> Any:
@@ -117,6 +131,7 @@ def load_one(file: Path, wanted: Callable[[Any], bool], what: str) -> Any:
     found = [d for d in _load(file).values() if wanted(d)]
     if not found:
         raise InputError(f"{file} holds no BRDF with {what}")
+    require_one_point(found[0], file)
     return found[0]
 
 
@@ -129,7 +144,10 @@ def _load(file: Path) -> dict[str, Any]:
     path = Path(name) if name and not file.exists() else file
     if path.suffix.lower() not in RESULT_ENDINGS:
         return {path.stem: measure.read(file)}
-    groups = simulated(measure.open(path))
+    try:
+        groups = simulated(measure.open(path))
+    except InputError as e:
+        raise InputError(f"{path}: {e}") from None
     if path is not file:
         if group not in groups:
             raise InputError(f"{path} has no group {group!r}: {nearest(group, groups)}")
@@ -161,6 +179,7 @@ def report(
     tree = measure.open(result)
     path = output if output is not None else result.with_suffix(".html")
     check_output(path, PAGE_ENDINGS, [result])
+    require_one_point(tree, result)
     from ..report import page
 
     page(tree, with_folder(path))

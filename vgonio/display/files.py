@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import InputError
-from ..files import text_of
+from ..file_kinds import require_kind
+from ..files import require_file, text_of
 from .cgats import is_cgats, read_cgats, write_cgats
 from .csv_files import read_csv, write_csv
 from .readings import Readings
@@ -22,6 +23,8 @@ def read(path: str | os.PathLike[str], full_scale: float | None = None, unit: st
     Raises FileFormatError for a file that is neither or damaged.
     """
     path = Path(path)
+    require_file(path, "table of readings (CSV or CGATS)")
+    require_kind(path, "readings")
     beginning = text_of(path, "table of readings (CSV or CGATS)", errors="replace")[:200]
     return (read_cgats if is_cgats(beginning) else read_csv)(path, full_scale, unit)
 

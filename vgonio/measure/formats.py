@@ -18,6 +18,7 @@ import numpy as np
 import xarray as xr
 
 from ..errors import FileFormatError, InputError, nearest
+from ..file_kinds import require_kind
 from ..files import require_file
 from .readers import astm, gonio_json, merl, netcdf, nist_csv, plain_csv, rgl, zemax
 from .readers.checks import Repairs, sound
@@ -159,6 +160,8 @@ def recognise(path: str | os.PathLike[str], format: str | None = None) -> str:
     require_file(path)
     if format is not None and format not in FORMATS:
         raise InputError(f"unknown format {format!r} of measured data: {nearest(format, FORMATS)}")
+    if format is None:
+        require_kind(path, "measured", "result")
     return format or _recognise(path)
 
 

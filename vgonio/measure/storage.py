@@ -14,6 +14,7 @@ import xarray as xr
 
 from ..dataset import check, plain
 from ..errors import FileFormatError, InputError
+from ..file_kinds import require_kind
 from ..files import RESULT_ENDINGS, require_file, undisturbed, written_whole
 from ..hdf5 import require_harmless
 
@@ -56,6 +57,7 @@ def open(path: str | os.PathLike[str]) -> xr.DataTree:
     """Read a result into memory; FileFormatError for a missing or damaged file, or one of another program."""
     path = Path(path)
     require_file(path, "result file")
+    require_kind(path, "result")
     require_harmless(path)
     loaded, reason = _loaded(path)
     if loaded is None:

@@ -52,7 +52,8 @@ def share_at(geometry: Geometry, single_share: float | xr.DataArray) -> Floats:
     points = [np.clip(np.rad2deg(a), v[0], v[-1]) for a, v in zip((geometry.theta_i, geometry.theta_o), axes)]
     if any(v.size < 2 for v in axes):
         raise InputError("the share of single reflections is needed at two angles of incidence and reflection at least")
-    return RegularGridInterpolator(axes, table.values)(np.stack(points, axis=-1))
+    # the weights of an interpolation add up to 1 but for rounding, and a share beyond 1 is refused when it comes back
+    return np.clip(RegularGridInterpolator(axes, table.values)(np.stack(points, axis=-1)), 0.0, 1.0)
 
 
 def shift_factor(

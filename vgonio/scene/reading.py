@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ..errors import InputError
+from ..file_kinds import require_kind
 from ..files import settings_of
 from .messages import first_error
 from .tables import Scene
@@ -26,7 +27,7 @@ def load_scene(source: str | os.PathLike[str] | Mapping[str, Any] | Scene, overr
     if isinstance(source, Scene):
         if not overrides:
             return source
-        return _build(_overridden(source.to_dict(), overrides), source.folder, source._name, "scene")
+        return _build(_overridden(source.to_dict(), overrides), source.folder, source._name, source._shown)
     if isinstance(source, Mapping):
         return _build(_overridden(dict(source), overrides), Path("."), "scene", "scene")
     path = Path(source)
@@ -38,16 +39,17 @@ def changed_scene(scene: Scene, values: Mapping[str, Any]) -> Scene:
     data: Mapping[str, Any] = scene.to_dict()
     for key, value in values.items():
         data = _with(data, key.split("."), value, f"{key} = {value!r}")
-    return _build(data, scene.folder, scene._name, scene._name)
+    return _build(data, scene.folder, scene._name, scene._shown)
 
 
 def without_output(scene: Scene) -> Scene:
     """The scene without its [output]: simulated, it writes nothing."""
     data = {k: v for k, v in scene.to_dict().items() if k != "output"}
-    return _build(data, scene.folder, scene._name, scene._name)
+    return _build(data, scene.folder, scene._name, scene._shown)
 
 
 def _read(path: Path) -> dict[str, Any]:
+    require_kind(path, "scene")
     return settings_of(path, "scene file", f" (`vgonio init {path.name}` writes one to start from)")
 
 
@@ -95,5 +97,5 @@ def _build(data: Mapping[str, Any], folder: Path, name: str, shown: str) -> Scen
         scene = Scene.model_validate(dict(data))
     except ValidationError as e:
         raise InputError(f"{shown}: {first_error(e)}") from None
-    scene._folder, scene._name = folder, name
+    scene._folder, scene._name, scene._shown = folder, name, shown
     return scene

@@ -247,6 +247,7 @@ class Scene(Table):
 
     _folder: Path = PrivateAttr(default=Path("."))
     _name: str = PrivateAttr(default="scene")
+    _shown: str = PrivateAttr(default="scene")  # in messages: the file with its ending
 
     @model_validator(mode="after")
     def _complete(self) -> Scene:

@@ -15,6 +15,7 @@ from typing import Any
 
 from .. import __version__
 from ..errors import FileFormatError, InputError, VgonioError, nearest
+from ..file_kinds import require_kind
 from ..files import require_file, settings_of
 from ..scene import Scene, changed_scene, expand, load_scene
 
@@ -73,7 +74,7 @@ def load_study(source: str | os.PathLike[str] | Mapping[str, Any], overrides: It
     zipped, title = data.get("zip", False), data.get("title", "")
     if not isinstance(zipped, bool) or not isinstance(title, str):
         raise InputError(f"{name}: zip has to be true or false, title a text; got {zipped!r}, {title!r}")
-    study = Study(base, _vary(data.get("vary"), name), zipped, title or name)
+    study = Study(base, _vary(data.get("vary"), name), zipped, title or Path(name).stem)
     _check_lengths(study, name)
     _check_points(study, name)
     return study
@@ -83,7 +84,8 @@ def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[dict[str,
     if isinstance(source, Mapping):
         return dict(source), Path("."), "study"
     path = Path(source)
-    return settings_of(path, "study file"), path.parent, path.stem
+    require_kind(path, "study")
+    return settings_of(path, "study file"), path.parent, path.name
 
 
 def _vary(table: Any, name: str) -> dict[str, list[Any]]:

@@ -20,7 +20,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...errors import FileFormatError
-from ...files import text_of
+from ...file_kinds import require_kind
+from ...files import require_file, text_of
 from ...units import degrees
 from .checks import UNITS, Repairs
 from .in_plane import signed_as_full
@@ -88,10 +89,8 @@ def read_counts(path: str | os.PathLike[str], duplicates: str = "error") -> xr.D
     Returns counts (theta_i, theta_o, wavelength) for `measure.calibration`. Raises FileFormatError as `read` does.
     """
     path = Path(path)
-    if path.is_dir():
-        raise FileFormatError(f"{path} is a folder: a CSV of counts is needed")
-    if not path.is_file():
-        raise FileFormatError(f"no such file: {path}")
+    require_file(path, "CSV of counts")
+    require_kind(path, "counts")
     data = _read(path, Repairs(duplicates=duplicates), "counts")
     if "theta_o" not in data["brdf"].dims:
         raise FileFormatError(f"{path}: counts are calibrated in plane, its directions are not")

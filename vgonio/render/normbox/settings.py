@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ...errors import InputError, nearest, whole
+from ...file_kinds import require_kind
 from ...files import settings_of
 from ..appearance import KNOWN
 from .box import ANGLES_DEG, Box, check_angle
@@ -162,6 +163,7 @@ def load(source: str | os.PathLike[str] | Mapping[str, Any]) -> Settings:
     if isinstance(source, Mapping):
         return _settings(source, Path("."), "scene")
     path = Path(source)
+    require_kind(path, "normbox")
     data = settings_of(path, "file", f" (`vgonio validate --init {path.name}` writes one)")
     return _settings(data, path.parent, path.name)
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...errors import FileFormatError, InputError, nearest
+from ...file_kinds import require_kind
 from ...files import require_file
 from ...units import to_um
 from ..checks import pitch_pair
@@ -59,6 +60,7 @@ def read(
 
 def _format_of(path: Path) -> Format:
     require_file(path, "surface file")
+    require_kind(path, "surface")
     try:
         with open(path, "rb") as stream:
             start = stream.read(64)
