@@ -5,15 +5,18 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import vgonio as vg
 from vgonio import validity
 from vgonio.errors import InputError, MaterialError
 from vgonio.planning import Plan, plan
+from vgonio.planning.cautions import _measured_warnings
 from vgonio.scene import load_scene
 from vgonio.surface import Heightfield
 
@@ -212,3 +215,14 @@ def test_harvey_shack_is_warned_about_far_from_the_normal():
     flat = Heightfield(np.zeros((64, 64)), 0.5)
     assert "q_z = 2k" in warnings_of(flat, ("harvey-shack",), theta_i_deg=[60])
     assert "q_z = 2k" not in warnings_of(flat, ("kirchhoff",), theta_i_deg=[60])
+
+
+def test_what_a_measured_file_does_not_hold_is_said():
+    """Values of the scene outside the file's range are counted, those at its ends are not."""
+    data = xr.Dataset(coords={"theta_i": [0.0, 60.0], "wavelength": [400.0, 700.0]})
+    inside = SimpleNamespace(theta_i_deg=[0, 30, 60], wavelength_nm=[400, 700])
+    assert _measured_warnings(data, inside) == []
+    beyond = SimpleNamespace(theta_i_deg=[0, 61, 70], wavelength_nm=[399, 550])
+    angle, wavelength = _measured_warnings(data, beyond)
+    assert "from 0 to 60°: 2 of 3 values" in angle
+    assert "from 400 to 700 nm: 1 of 2 values" in wavelength

@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vgonio.directions import Incoming
 from vgonio.errors import InputError
 from vgonio.geometric import RayOptics
+from vgonio.geometric.beam import Scene
+from vgonio.geometric.facet_sampling import FacetSampling
+from vgonio.geometric.sampling import relative_error
+from vgonio.geometric.tally import Tally
 from vgonio.measure import Gonioreflectometer
 from vgonio.surface import Heightfield, gaussian, lamellar, sandblasted
 
@@ -247,3 +252,42 @@ def test_facets_are_looked_at_where_that_pays(monkeypatch):
     assert [used(n) for n in (290, 310)] == ["binning", "facets"]
     monkeypatch.setattr("vgonio.geometric.sampling.KEPT_FACETS", 10_000)
     assert [used(n) for n in (2000, 2600)] == ["binning", "facets"]
+
+
+@pytest.mark.parametrize("each", [True, False])
+def test_variance_of_what_points_on_facets_tell(each):
+    """Mean stated variance against that of 20,000 draws: seven points on each facet, of which a share passes; or facets
+    drawn with probability ∝ wish, where numbers are Poisson's and Σ x² is their variance."""
+    rng = np.random.default_rng(0)
+    share, wish, seen, draws = np.array([0.3, 0.1, 0.02]), np.array([0.5, 0.3, 0.2]), np.array([0.2, 0.6, 0.9]), 20_000
+    tried = np.full(3, 7)
+    passed = rng.binomial(7, seen, (draws, 3)) if each else rng.poisson(40 * wish * seen, (draws, 3))
+    facets = FacetSampling(None, np.arange(3), share, np.zeros(3, bool), wish, tried, passed, 40, each)
+    weight, variance = facets.weights()
+    # of the variances themselves: 1 % each, four times that
+    np.testing.assert_allclose(weight.mean(axis=0), share * seen, atol=4 * weight.std(axis=0).max() / np.sqrt(draws))
+    np.testing.assert_allclose(variance.mean(axis=0), weight.var(axis=0, ddof=1), rtol=0.05)
+
+
+def test_the_error_that_counts_is_that_of_elements_above_a_thousandth():
+    """Of power 1, 0.002 and 0.0005 of the largest: the second decides, the third, however uncertain, does not count."""
+    t = Tally.empty(1, 3, 1)
+    t.caught[0, :, 0] = [50.0, 0.1, 0.025]
+    t.caught_variance[0, :, 0] = [0.25, 9e-4, 1.0]
+    assert relative_error(t) == pytest.approx(0.3)
+    assert relative_error(Tally.empty(1, 3, 1)) == np.inf
+
+
+@pytest.mark.parametrize(("theta", "phi"), [(60.0, 0.0), (-45.0, 0.0), (50.0, 90.0)])
+def test_the_guard_band_is_as_wide_as_light_goes_on_its_way_down(theta, phi):
+    """Light from +x is displaced by relief · tan θ towards −x: so far inside it starts, and a quarter of the rest."""
+    surface = Heightfield(rough(0.3).z, 0.5)
+    scene = Scene.of(surface, 1, "embree")
+    x0, x1, y0, y1 = scene.mesh.box
+    reach = float(np.ptp(surface.z)) * np.tan(np.deg2rad(theta))
+    found = np.reshape(scene.start_area(Incoming([theta], phi), 0), (2, 2))
+    expected = np.array([[x0, x1], [y0, y1]])
+    axis = 1 if phi else 0
+    expected[axis] += (reach, 0) if reach > 0 else (0, reach)
+    margin = 0.25 * np.diff(expected, axis=1)
+    np.testing.assert_allclose(found, expected + margin * [1, -1], atol=2e-3 * abs(reach))
