@@ -37,22 +37,6 @@ if TYPE_CHECKING:
     from .simulation import simulate
     from .studies import sweep
 
-_MODULES = (
-    "accuracy",
-    "compare",
-    "directions",
-    "display",
-    "errors",
-    "geometric",
-    "materials",
-    "measure",
-    "models",
-    "render",
-    "report",
-    "surface",
-    "units",
-    "wave",
-)
 # functions on whole scenes and results; the modules have other names, so that no import order can hide a function
 _FUNCTIONS = {
     "simulate": "vgonio.simulation",
@@ -87,6 +71,7 @@ __all__ = [
     "units",
     "wave",
 ]
+_MODULES = set(__all__) - set(_FUNCTIONS) - {"__version__"}
 
 
 def __getattr__(name: str) -> Any:

@@ -94,16 +94,9 @@ def height_histogram(surface: xr.Dataset) -> Figure:
 
     surface : summary with height_density (height) in µm⁻¹ and the attribute Sq in µm.
     """
-    figure = new_figure(3.4, 2.9)
-    ax = figure.subplots()
-    density = surface["height_density"]
-    height = density["height"].values
-    ax.fill_between(height, density.values, color=BLUE, alpha=0.22, lw=0)
-    ax.plot(height, density.values, color=BLUE, label="surface")
-    sq = float(surface.attrs.get("Sq", 0.0))
-    if sq > 0:
-        gaussian = np.exp(-0.5 * (height / sq) ** 2) / (np.sqrt(2 * np.pi) * sq)
-        ax.plot(height, gaussian, color=ORANGE, lw=1.1, ls=(0, (4, 2)), label="Gaussian of the same Sq")
+    height, sq = surface["height"].values, float(surface.attrs.get("Sq", 0.0))
+    expected = np.exp(-0.5 * (height / sq) ** 2) / (np.sqrt(2 * np.pi) * sq) if sq > 0 else None
+    figure, ax = _histogram(surface["height_density"], expected, "Gaussian of the same Sq")
     histogram_axes(figure, ax, "height z (µm)", "probability density (µm⁻¹)")
     return figure
 
@@ -114,18 +107,23 @@ def slope_histogram(surface: xr.Dataset) -> Figure:
 
     surface : summary with slope_density (slope) and the attribute alpha.
     """
-    figure = new_figure(3.4, 2.9)
-    ax = figure.subplots()
-    density = surface["slope_density"]
-    slope = density["slope"].values
-    ax.fill_between(slope, density.values, color=BLUE, alpha=0.22, lw=0)
-    ax.plot(slope, density.values, color=BLUE, label="surface")
-    alpha = float(surface.attrs.get("alpha", 0.0))
-    if alpha > 0:
-        gaussian = np.exp(-((slope / alpha) ** 2)) / (np.sqrt(np.pi) * alpha)
-        ax.plot(slope, gaussian, color=ORANGE, lw=1.1, ls=(0, (4, 2)), label=f"Beckmann, α = {alpha:.3g}")
+    slope, alpha = surface["slope"].values, float(surface.attrs.get("alpha", 0.0))
+    expected = np.exp(-((slope / alpha) ** 2)) / (np.sqrt(np.pi) * alpha) if alpha > 0 else None
+    figure, ax = _histogram(surface["slope_density"], expected, f"Beckmann, α = {alpha:.3g}")
     histogram_axes(figure, ax, "slope ∂z/∂x", "probability density")
     return figure
+
+
+def _histogram(density: xr.DataArray, expected: np.ndarray | None, label: str) -> tuple[Figure, Axes]:
+    """The density of a surface and, where there is one, what is expected of it under that name."""
+    figure = new_figure(3.4, 2.9)
+    ax = figure.subplots()
+    x = density[density.dims[0]].values
+    ax.fill_between(x, density.values, color=BLUE, alpha=0.22, lw=0)
+    ax.plot(x, density.values, color=BLUE, label="surface")
+    if expected is not None:
+        ax.plot(x, expected, color=ORANGE, lw=1.1, ls=(0, (4, 2)), label=label)
+    return figure, ax
 
 
 def histogram_axes(figure: Figure, ax: Axes, x: str, y: str) -> None:
