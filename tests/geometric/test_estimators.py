@@ -5,13 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vgonio.directions import Incoming
+from vgonio.directions import Detector, Incoming
 from vgonio.errors import InputError
 from vgonio.geometric import RayOptics
 from vgonio.geometric.beam import Scene
 from vgonio.geometric.facet_sampling import FacetSampling
+from vgonio.geometric.fresnel_table import FresnelTable
 from vgonio.geometric.sampling import relative_error
-from vgonio.geometric.tally import Tally
+from vgonio.geometric.singles import Counts
+from vgonio.geometric.starters import Starters
+from vgonio.geometric.tally import Tally, tally
+from vgonio.geometric.threads import workers
+from vgonio.geometric.trace import Hits, Paths
+from vgonio.materials import material
 from vgonio.measure import Gonioreflectometer
 from vgonio.surface import Heightfield, gaussian, lamellar, sandblasted
 
@@ -291,3 +297,55 @@ def test_the_guard_band_is_as_wide_as_light_goes_on_its_way_down(theta, phi):
     expected[axis] += (reach, 0) if reach > 0 else (0, reach)
     margin = 0.25 * np.diff(expected, axis=1)
     np.testing.assert_allclose(found, expected + margin * [1, -1], atol=2e-3 * abs(reach))
+
+
+@pytest.mark.parametrize("points", [40, 12])
+def test_points_on_starters_stand_for_their_light(monkeypatch, points):
+    """Facets of very different size: weights of a facet's points add up to its share of the light; exactly where each
+    facet has two points or more, in the mean over 4000 draws where facets are drawn."""
+    share, seen = np.array([0.4, 0.2, 0.06, 0.03, 0.01]), []
+    monkeypatch.setattr(
+        "vgonio.geometric.starters._paths", lambda beam, facet, weight, *_: seen.append((facet, weight))
+    )
+    rng, empty = np.random.default_rng(1), Tally.empty(1, 1, 1)
+    starters = Starters(None, np.arange(5), share, np.ones(5, bool), empty)
+    with workers(1) as pool:
+        for _ in range(1 if points == 40 else 4000):
+            starters.sample(points, 3, 100, lambda paths: Tally.empty(1, 1, 1), rng, pool)
+    facet, weight = (np.concatenate(a) for a in zip(*seen))
+    total = np.bincount(facet, weight, 5) / (1 if points == 40 else 4000)
+    if points == 40:
+        np.testing.assert_allclose(total, share, rtol=1e-12)
+    else:
+        assert np.bincount(facet, minlength=5).min() < 0.5 * 2 * 4000
+        np.testing.assert_allclose(total, share, rtol=0.1)
+
+
+@pytest.mark.parametrize(("polarisation", "sign"), [("unpolarised", 0), ("s", 1), ("p", -1)])
+def test_variance_of_independent_rays(polarisation, sign):
+    """n rays of power x that all fall into one element: n s², s² of n − 1, so nothing where all of them are alike."""
+    rng, n = np.random.default_rng(2), 50
+    detector, table = Detector.in_plane([0.0], 20.0), FresnelTable(material("SiO2"), [500.0])
+    up = np.tile([0.0, 0.0, 1.0], (n, 1))
+    for cos, turn in ((rng.random(n), rng.random(n) * np.pi), (np.full(n, 0.3), np.zeros(n))):
+        hits = Hits(np.arange(n), cos, np.cos(2 * turn), np.sin(2 * turn))
+        paths = Paths(np.ones(n, np.int64), np.ones(n, bool), up, np.roll(up, 1, axis=1), [hits])
+        found = tally(paths, table, detector, polarisation, 2)
+        a, b = table.elements(cos, 2)[:, :, 0].T
+        x = a + sign * np.cos(2 * turn) * b
+        assert found.caught[0, 0, 0] == pytest.approx(x.sum(), rel=1e-6)
+        assert found.caught_variance[0, 0, 0] == pytest.approx(
+            n * x.var(ddof=1), rel=1e-4, abs=1e-5
+        )  # of interpolated squares
+
+
+def test_rays_without_their_partner_are_counted_as_alone():
+    """Two of a pair on one facet add nothing to the variance, two on different ones both do; so does half a pair."""
+    counts = Counts(8, 9)
+    first = np.array([3, 3, 5, 7, 4, 6, 1, 1, 2], np.int32)
+    single = np.array([1, 1, 1, 1, 1, 0, 0, 0, 1], bool)  # the others went on, or were lost
+    counts.add(first, single, np.array([6]), 1)
+    assert counts.escaped.tolist() == [0, 0, 1, 2, 1, 1, 0, 1]
+    assert counts.alone.tolist() == [0, 0, 1, 0, 1, 1, 0, 1]
+    assert counts.lost.tolist() == [0, 0, 0, 0, 0, 0, 1, 0]
+    assert (counts.stray, counts.rays) == (1, 9)
