@@ -254,7 +254,7 @@ def test_the_template_with_everything_commented_in_names_every_key():
 
 
 def test_the_demo_scene_is_valid():
-    path = Path(__file__).resolve().parents[1] / "examples" / "demo" / "scene.toml"
+    path = Path(__file__).resolve().parents[2] / "examples" / "demo" / "scene.toml"
     scene = load_scene(path)
     assert len(scene.light.wavelength_nm) == 21
     assert len(scene.light.theta_i_deg) == 9

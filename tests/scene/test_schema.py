@@ -16,7 +16,7 @@ from vgonio.errors import InputError
 from vgonio.scene import TABLES, load_scene
 from vgonio.scene.schema import SCHEMA_LINE, scene_schema, template_comments
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 SCENES = sorted(
     p for p in [*ROOT.glob("examples/**/*.toml"), *ROOT.glob("benchmarks/**/*.toml")] if b"[surface]" in p.read_bytes()
 )
