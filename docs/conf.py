@@ -69,6 +69,18 @@ def _prepare(app, what, name, obj, options, lines: list[str]) -> None:
     lines[:] = as_markup(lines, KNOWN)
 
 
+def _copies(app) -> None:
+    """The notebooks below the pages, where Sphinx looks for them; a link would not survive archives and Windows."""
+    folder = ROOT / "docs" / "notebooks"
+    folder.mkdir(exist_ok=True)
+    wanted = {folder / p.name: p.read_bytes() for p in (ROOT / "notebooks").glob("*.ipynb")}
+    for old in set(folder.glob("*.ipynb")) - set(wanted):
+        old.unlink()
+    for copy, content in wanted.items():
+        if not copy.is_file() or copy.read_bytes() != content:
+            copy.write_bytes(content)
+
+
 NOTEBOOK = re.compile(r"\[([^\]]*)\]\((?:\.\./)+notebooks/(\w+)\.ipynb\)")
 
 
@@ -102,6 +114,7 @@ def _alternatives(app, tree: nodes.document, name: str) -> None:
 
 
 def setup(app) -> None:
+    app.connect("builder-inited", _copies)
     app.connect("source-read", _notebooks)
     app.connect("doctree-resolved", _subscripts)
     app.connect("doctree-resolved", _alternatives)

@@ -170,6 +170,12 @@ def test_the_map_stands_in_the_order_of_the_import_rule():
     assert order == sorted(order)
 
 
+def test_no_file_is_a_link():
+    """Archives and Windows do not keep them."""
+    folders = ("vgonio", "tests", "docs", "examples", "notebooks", "benchmarks", "heightfields")
+    assert [p for name in folders for p in (ROOT / name).rglob("*") if p.is_symlink()] == []
+
+
 # ---- public names
 def public_names() -> list[str]:
     """Every name that a package, or a module which says so, hands out."""
