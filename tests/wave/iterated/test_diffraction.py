@@ -247,3 +247,16 @@ def test_without_sweeps_there_is_no_diffraction():
             assert data.attrs["sweeps_done"] == 0
     with pytest.raises(InputError, match="at least 2"):
         IteratedKirchhoff("Al", sweeps=1)
+
+
+@pytest.mark.parametrize("polarisation", ["TE", "TM"])
+def test_the_first_reflection_is_where_the_source_is_seen(polarisation):
+    """Light at 70° on steep slopes: nothing behind a hill, also on slopes that face the source; elsewhere as without
+    shadows."""
+    stretch, theta = stretch_of(rough(1.0, 2.0, 3)), np.deg2rad([70.0, -70.0])
+    light = Light(K, theta, polarisation, material("Al"), NM)
+    seen, facing = stretch.sight.seen(stretch.curve, theta).T, stretch.facing(theta).T > 0
+    assert (facing & ~seen).mean() > 0.05
+    for shaded, whole in zip(light.first(stretch, True), light.first(stretch, False)):
+        assert np.all(shaded[~seen] == 0)
+        np.testing.assert_array_equal(shaded[seen], whole[seen])
