@@ -10,10 +10,11 @@ import xarray as xr
 
 import vgonio as vg
 from vgonio import models
-from vgonio.directions import Detector
+from vgonio.directions import Detector, unit_vectors
 from vgonio.errors import InputError
 from vgonio.materials import material
-from vgonio.models import Geometry
+from vgonio.models import Geometry, krywonos_2011
+from vgonio.wave import closed_forms
 
 ANGLES = np.arange(-80.0, 81, 20)
 EVERY = {
@@ -146,6 +147,31 @@ def test_smooth_surface_against_the_wave_solver(agreement):
         100 * (4 * error / expected + 0.05),
         "%",
     )
+
+
+@pytest.mark.parametrize("theta_i", [0.0, 40.0, 70.0])
+def test_smooth_surface_is_the_linearised_theory(theta_i):
+    """At every angle: R times `wave.closed_forms.linearised` of generalised Harvey–Shack with the same spectrum."""
+    theta_o, nm, shape = np.array([-80.0, -60, -20, 0, 35, 75]), 500.0, {"rms_um": 0.005, "b_um": 2.0, "c_psd": 3.0}
+    wi, wo = unit_vectors(np.radians(theta_i)), unit_vectors(np.radians(theta_o))
+    q = 2 * np.pi / 0.5 * np.abs(np.sin(np.radians(theta_i)) + np.sin(np.radians(theta_o)))
+    rough = closed_forms.linearised("generalized-harvey-shack", wi, wo, nm, krywonos_2011.psd(q, *shape.values()))
+    expected = rough * material("Al").reflectance(np.cos(np.radians(np.abs(theta_i - theta_o)) / 2), nm)
+    found = models.evaluate("krywonos-2011", [theta_i], theta_o, [nm], **shape).brdf.values[0, :, 0]
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    f = np.linspace(0, 400, 400_001)  # ∫ PSD d²q/(4π²) = σ², but for the tail: 1/(1 + (q B)²)^(1/2)
+    inside = np.trapezoid(f * krywonos_2011.psd(f, *shape.values()), f) / (2 * np.pi)
+    assert inside == pytest.approx(0.005**2 * (1 - 1 / np.hypot(1, 400 * 2.0)), rel=1e-4)
+
+
+def test_multiple_reflections_shift_about_back_scattering():
+    """All light reflected twice: 1 + h₂ Δλ at every back-scattering pair, with cos(w₂ θ_i) in the mirror direction."""
+    theta, nm = np.radians([0.0, 20, 50, 75]), np.array([500.0, 600, 700])
+    given = {"h1": 9.0, "w1": 9.0, "h2": 1e-3, "w2": 1.7, "single_share": 0.0}
+    back = models.two_shifts.shift_factor(Geometry.of(theta, theta), nm, **given)
+    np.testing.assert_allclose(back, np.tile([0.9, 1.0, 1.1], (4, 1)), rtol=1e-12)
+    mirror = models.two_shifts.shift_factor(Geometry.of(theta, -theta), nm, **given)
+    np.testing.assert_allclose(mirror, 1 + 1e-3 * np.outer(np.cos(1.7 * theta), nm - 600), rtol=1e-12)
 
 
 def test_broken_physics_is_said():
