@@ -17,6 +17,7 @@ from vgonio import validity
 from vgonio.errors import InputError, MaterialError
 from vgonio.planning import Plan, plan
 from vgonio.planning.cautions import _measured_warnings
+from vgonio.planning.ray_forecast import _facets
 from vgonio.scene import load_scene
 from vgonio.surface import Heightfield
 
@@ -226,3 +227,15 @@ def test_what_a_measured_file_does_not_hold_is_said():
     angle, wavelength = _measured_warnings(data, beyond)
     assert "from 0 to 60°: 2 of 3 values" in angle
     assert "from 400 to 700 nm: 1 of 2 values" in wavelength
+
+
+@pytest.mark.parametrize("options", [{"edges": "guard"}, {"edges": "mirror"}, {"edges": "guard", "refinement": 2}])
+@pytest.mark.parametrize("periodic", [True, False])
+def test_facets_are_expected_as_they_are_made(periodic, options):
+    """Within 10 %: the overlap of a period and the seams of the mirror images are not counted."""
+    surface = vg.surface.gaussian(0.1, 4.0, (40, 60), 0.5, seed=1).replace(periodic=periodic)
+    gonio = vg.measure.Gonioreflectometer([30], [-30])
+    solver = vg.geometric.RayOptics("perfect", rays=50, **options)
+    expected, mirrored = _facets(solver, surface, gonio.incoming)
+    assert mirrored == (not periodic and options["edges"] == "mirror")
+    assert expected == pytest.approx(gonio.measure(surface, solver).attrs["facets"], rel=0.1)
