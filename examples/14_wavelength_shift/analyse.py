@@ -20,7 +20,8 @@ import xarray as xr
 import vgonio as vg
 
 PER_100_NM = 1e4  # nm⁻¹ → % per 100 nm
-BRIGHT = 1e-2  # of the lobe's largest value: below it nothing is seen and everything is noise
+BRIGHT = 2e-3  # of the lobe's largest value: directions that are drawn
+PART = 1e-2  # of the light of a direction: parts that are drawn there
 PARTS = {"single": 1.0, "multiple": 2.0, "tangent": 1.0, "total": 1.0}
 BRDFS = (*PARTS, "rays_single", "rays_multiple")
 STYLES: dict[str, dict] = {
@@ -40,10 +41,15 @@ def load(folder: Path, sample: int, fine_nm: float = 0.0) -> xr.Dataset:
 
 
 def slopes(brdf: xr.DataArray, p: float) -> xr.DataArray:
-    """Slope of every spectrum in % per 100 nm; NaN where a spectrum is too dark to matter."""
-    bright = brdf.mean("wavelength") > BRIGHT * brdf.mean("wavelength").max("theta_o")
+    """Slope of every spectrum in % per 100 nm."""
     fit = vg.compare.fit_local_shift(xr.Dataset({"brdf": brdf}), material="Al", p=p)
-    return fit["slope"].where(bright) * PER_100_NM
+    return fit["slope"] * PER_100_NM
+
+
+def drawn(data: xr.Dataset, part: str) -> xr.DataArray:
+    """Directions where there is light, and this part is some of it."""
+    light, some = (data[name].mean(("row", "wavelength")) for name in ("total", part))
+    return (light > BRIGHT * light.max("theta_o")) & (some > PART * light)
 
 
 def jackknife(rows: xr.DataArray, function) -> tuple[xr.DataArray, xr.DataArray]:
@@ -108,23 +114,23 @@ def figure(samples: Mapping[str, xr.Dataset], theta_i: float):
     grid = made.subplots(2, len(samples), sharex=True, sharey="row", squeeze=False)
     for column, (title, data) in zip(grid.T, samples.items()):
         for part, p in PARTS.items():
-            value, error = jackknife(data[part], lambda brdf, p=p: slopes(brdf, p).sel(theta_i=theta_i))
+            found = jackknife(data[part], lambda brdf, p=p: slopes(brdf, p).sel(theta_i=theta_i))
+            value, error = (a.where(drawn(data, part).sel(theta_i=theta_i)) for a in found)
             column[0].errorbar(value["theta_o"], value, error, ms=2.5, elinewidth=0.6, **STYLES[part])
         column[0].axhline(0, color="#b9c0ca", lw=0.8, zorder=0)
         column[0].set_title(title, fontsize=9, loc="left")
-        draw_shares(column[1], data.mean("row").sel(theta_i=theta_i))
+        draw_shares(column[1], data.where(drawn(data, "total")).mean("row").sel(theta_i=theta_i))
         for ax in column:
             ax.axvline(-theta_i, color="#5c6675", lw=0.7, ls=(0, (4, 3)), zorder=0)
             ax.set_xlim(-90, 90)
             ax.set_xticks([-60, 0, 60])
             ax.spines[["top", "right"]].set_visible(False)
-    grid[0, 0].set_ylim(-40, 40)
+    grid[0, 0].set_ylim(-60, 40)
     grid[0, 0].set_ylabel("shift (% per 100 nm)")
     grid[1, 0].set_ylim(0, 60)
-    grid[1, 0].set_ylabel("share of the light (%)")
-    look = {"ncols": 4, "fontsize": 7.5, "frameon": False}
-    made.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper left", **look)
-    made.legend(*grid[1, 0].get_legend_handles_labels(), loc="outside lower left", **look)
+    grid[1, 0].set_ylabel("of the light at 600 nm (%)")
+    labelled = [pair for ax in grid[:, 0] for pair in zip(*ax.get_legend_handles_labels())]
+    made.legend(*zip(*labelled), loc="outside upper left", ncols=4, fontsize=7.5, frameon=False)
     made.supxlabel(f"angle of reflection θₒ (°) for θᵢ = {theta_i:g}°, back-scattering to the right", fontsize=9)
     return made
 
@@ -137,9 +143,9 @@ def draw_shares(ax, data: xr.Dataset) -> None:
     shares = waves["multiple"] / (waves["single"] + waves["multiple"])
     rays = data["rays_multiple"] / (data["rays_single"] + data["rays_multiple"])
     change = abs(waves["total"] - waves["tangent"]) / waves["total"]
-    ax.plot(theta_o, 100 * shares, color="#1a2230", lw=1, label="multiple reflections, waves at 600 nm")
+    ax.plot(theta_o, 100 * shares, color="#1a2230", lw=1, label="multiple reflections, waves")
     ax.plot(theta_o, 100 * rays, "--", color="#1a2230", lw=1, label="multiple reflections, rays")
-    ax.plot(theta_o, 100 * change, color="#c2571a", lw=1, label="|change by diffraction|, waves at 600 nm")
+    ax.plot(theta_o, 100 * change, color="#c2571a", lw=1, label="change by diffraction")
 
 
 def quick() -> dict[str, xr.Dataset]:
