@@ -98,7 +98,11 @@ def _model_and_jacobian(s: Spectra, used: Mask, h: float, w: float, t_y: float, 
 
 
 def _sandwich(s: Spectra, used: Mask, best: Mapping[str, float], varied: list[str]) -> dict[str, float]:
-    """Standard errors of the parameters `varied`, each spectrum one observation; {} where they are degenerate."""
+    """Standard errors of the parameters `varied`, each spectrum one observation; {} where they are degenerate.
+
+    Each spectrum's residual is that of a fit without it (Bell and McCaffrey 2002, "CR3"): few spectra decide w and t_y,
+    and plain residuals understate their errors by a sixth.
+    """
     model, jacobian = _model_and_jacobian(s, used, *(best[k] for k in NAMES))
     root = np.sqrt(s.weight[used])
     jacobian = jacobian[..., [NAMES.index(k) for k in varied]] * root[..., None]
@@ -110,7 +114,9 @@ def _sandwich(s: Spectra, used: Mask, best: Mapping[str, float], varied: list[st
     if np.linalg.cond(normal) > 1e10:
         return {}
     score = np.einsum("nlj,nl->nj", jacobian, root * (s.values[used] - model))
-    n = len(score)
     inverse = np.linalg.inv(normal)
-    covariance = inverse @ (score.T @ score) @ inverse * n / max(n - len(varied), 1)
+    leverage = np.einsum("nlj,nlk->njk", jacobian, jacobian) @ inverse
+    loose = (1 + 1e-6) * np.eye(len(varied))  # a spectrum that alone decides a parameter has no fit without it
+    score = np.linalg.solve(loose - leverage, score[..., None])[..., 0]
+    covariance = inverse @ (score.T @ score) @ inverse
     return dict(zip(varied, np.sqrt(np.diag(covariance)) / size))
