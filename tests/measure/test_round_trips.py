@@ -135,6 +135,10 @@ def test_astm_as_others_write_it(tmp_path):
     assert data.theta_o.item() == pytest.approx(-np.degrees(0.5), abs=1e-6)
     assert data.brdf.values.ravel().tolist() == [0.1, 0.2, 0.3]  # sorted by wavelength: blue first
     assert "nominal" in data.attrs["channels"]
+    path.write_text("ANGLE_UNITS degrees\nVARS theta_i,phi_i,theta_s,phi_s,0.55um,BSDF_633nm,0.7 µm\n1,0,1,180,3,2,1\n")
+    data = formats.read(path, unit="sr-1")
+    assert data.wavelength.values.tolist() == [550, 633, 700]
+    assert data.brdf.values.ravel().tolist() == [3, 2, 1]
     path.write_text("VARS theta_i,phi_i,theta_r,phi_r,BSDF\n0.5,0,0.5,3.14159265359,0.3\n")
     with pytest.raises(FileFormatError, match="give wavelength_nm"):
         formats.read(path)
