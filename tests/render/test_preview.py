@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import pytest
 from vgonio import models, simulate
 from vgonio.cli import main
 from vgonio.cli.render import gather
-from vgonio.compare import fit_model, save_fit
+from vgonio.compare import colour, fit_model, save_fit
 from vgonio.errors import FileFormatError, InputError
 from vgonio.render import Preview, delta_e, of_dataset, of_fit, of_model, of_table, preview, rgb, use
 from vgonio.render.images import write_exr, write_png
@@ -86,6 +87,33 @@ def test_error_is_that_of_further_passes(small):
     actual = np.sqrt(np.mean((a - b) ** 2) / np.mean(b**2))
     stated = np.hypot(float(small["error"][0]), float(many["error"][0]))
     assert stated / 1.5 < actual < stated * 1.5
+
+
+def test_errors_of_passes_and_their_random_numbers(monkeypatch):
+    """Made-up passes: mean, s/√n with s² of n − 1, the error of Y over the picture; other seeds share no pass."""
+    previews = sys.modules[preview.__module__]  # the name in the package is the function
+    seeds: list[int] = []
+
+    def passed(mi, scene, integrator, wavelength, samples, seed, **_):
+        seeds.append(seed)
+        return np.random.default_rng([seed, scene]).random((8, 8, W.size))
+
+    monkeypatch.setattr(previews, "radiance", passed)
+    monkeypatch.setattr(previews, "scenes_of", lambda *_: [0, 1])
+    renderer, matrix = SimpleNamespace(load_dict=lambda _: None), colour.weights(W)[0]
+    found = {}
+    for seed in (0, 1, 2):
+        options = Preview(size=8, wavelength_nm=W, samples=3, passes=5, seed=seed)
+        found[seed] = previews._one(renderer, pair()[0], options, matrix, None)
+    used = np.reshape(seeds, (3, 5, 2))
+    assert np.all(used[..., 0] == used[..., 1])  # both lights of a pass
+    assert np.unique(used).size == 15
+    each = np.array([sum(passed(None, s, None, W, 3, n) for s in (0, 1)) @ matrix for n in used[1, :, 0]])
+    np.testing.assert_allclose(found[1]["tristimulus"], each.mean(axis=0), rtol=1e-12)
+    stderr = each.std(axis=0, ddof=1) / np.sqrt(5)
+    np.testing.assert_allclose(found[1]["tristimulus_stderr"], stderr, rtol=1e-6)
+    y = each.mean(axis=0)[..., 1]
+    assert float(found[1]["error"]) == pytest.approx(np.sqrt(np.mean(stderr[..., 1] ** 2) / np.mean(y**2)), rel=1e-6)
 
 
 def test_target_error_and_time(small):

@@ -173,7 +173,8 @@ def _one(
         share = _share(done, most, error, options, time.perf_counter() - start)
         if progress is not None:
             progress(appearance.name, min(0.99, share))
-        numbers = (options.wavelength_nm, options.samples, options.seed + done)
+        # no pass of one seed is one of another's: pictures of two seeds are independent
+        numbers = (options.wavelength_nm, options.samples, (options.seed * MOST_PASSES + done) % 2**32)
         one = np.sum([radiance(mi, s, integrator, *numbers, same_paths=True) for s in scenes], axis=0)
         xyz = one @ matrix
         mean, square, spectra, done = mean + xyz, square + xyz**2, spectra + one, done + 1
