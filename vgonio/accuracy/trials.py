@@ -88,8 +88,11 @@ def fixed_parts() -> dict[str, tuple[float, float]]:
     """(seconds, bytes) of each part of the smallest scene in a new process, which loads all libraries."""
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", CHILD, json.dumps(SMALLEST)],
-        capture_output=True, text=True, check=True, env={**os.environ, "VGONIO_CALIBRATION": "off"},
+        capture_output=True, text=True, check=False, env={**os.environ, "VGONIO_CALIBRATION": "off"},
     )  # fmt: skip
+    if done.returncode:
+        reason = (done.stderr.strip() or "no reason given").splitlines()[-1]
+        raise BackendError(f"a scene that is simulated to learn what each part takes at least failed: {reason}")
     found = json.loads(done.stdout.splitlines()[-1])
     return {part: (float(s), float(b)) for part, (s, b) in found.items()}
 

@@ -32,7 +32,8 @@ CASTS_OF_A_POINT = 1.0  # of a ray's: two casts of which the one towards a high 
 
 @dataclass(frozen=True)
 class Settings:
-    """rays : the cap;  tol : relative standard error or None;  bounces : kept apart"""
+    """rays : the cap;  tol : relative standard error or None;  bounces : kept apart
+    run : rays of the run that this is a first look at, which decides as that one would, or 0"""
 
     rays: int
     tol: float | None
@@ -42,6 +43,7 @@ class Settings:
     estimator: str
     wavelengths: int
     polarised: bool
+    run: int = 0
 
     @property
     def at_once(self) -> int:
@@ -139,7 +141,7 @@ class _Parallel(_Divergent):
         if wanted == "binning" or self.detector.kind != "in-plane":
             return None
         most = MOST_FACETS if self.beam.facets <= KEPT_FACETS else MOST_FACETS_OF_BIG_MESHES
-        if wanted == "auto" and self.beam.facets > most * self.settings.rays:
+        if wanted == "auto" and self.beam.facets > most * max(self.settings.rays, self.settings.run):
             return None
         return FacetSampling.of(self.beam, self.detector)
 
@@ -172,7 +174,7 @@ class _Parallel(_Divergent):
         return out
 
     def more(self, rays: int, points: int) -> None:
-        few = self.beam.facets <= min(2 * rays, KEPT_FACETS)
+        few = self.beam.facets <= min(2 * max(rays, self.settings.run), KEPT_FACETS)
         if self.facets is not None and self.starters is None and few:
             self._find_starters()
         super().more(rays, 0)

@@ -12,7 +12,8 @@ LEAST_WAVE_TOL = 1e-12  # below, double precision decides: transforms reach 1e-1
 class Forecast:
     """seconds : wall-clock, on a machine that does nothing else;  memory_bytes : beside what is there before
     error : the figure that the solver states as `error_achieved`, None where there is none
-    rough : whether of the error only a range is known (`plans.ROUGH`)
+    rough : factors on the error between which it lies, where only a range is known
+    how : what was done to know that, in words
     speckle : relative standard error of the waves in the brightest cones, from the windows; None for other parts
     """
 
@@ -20,4 +21,5 @@ class Forecast:
     memory_bytes: float
     error: float | None = None
     speckle: float | None = None
-    rough: bool = False
+    rough: tuple[float, float] | None = None
+    how: str = ""

@@ -32,11 +32,13 @@ SPACING_ERROR = {True: 0.01, False: 0.03}  # of points on profiles and patches: 
 
 
 def forecasts(
-    scene: Scene, source: Heightfield | None, surface: Heightfield | None, on: Calibration, solvers: bool = True
-) -> dict[str, Forecast]:
+    scene: Scene, source: Heightfield | None, surface: Heightfield | None, on: Calibration, solvers: bool = True,
+    first_look: bool = False,
+) -> dict[str, Forecast]:  # fmt: skip
     """Part of the run → its forecast; `memory_bytes` is that of the whole process while the part runs.
 
     solvers : False leaves their own work out, but not their libraries
+    first_look : at some rays, where only they tell what their error will be
     """
     speeds = on.speeds
     found = {"start": Forecast(0.0, 0.0)}
@@ -47,16 +49,18 @@ def forecasts(
         found["surface"] = Forecast(0.0, 0.0)
     known = dict[str, Forecast]()
     if surface is not None and solvers:
-        known = {k: f for k, f in _solvers(scene, surface, on) if f is not None}
+        known = {k: f for k, f in _solvers(scene, surface, on, first_look) if f is not None}
     elif surface is not None:
         known = {name: Forecast(0.0, 0.0) for name in result_groups(scene) if name != "measured"}
     return _with_fixed(found | known | _verdict(scene, speeds), speeds)
 
 
-def _solvers(scene: Scene, surface: Heightfield, on: Calibration) -> Iterator[tuple[str, Forecast | None]]:
+def _solvers(
+    scene: Scene, surface: Heightfield, on: Calibration, first_look: bool
+) -> Iterator[tuple[str, Forecast | None]]:
     """Groups of the result and the forecasts of their solvers, None for a solver of another kind."""
     if scene.geometric is not None:
-        yield "rays", _rays(scene, surface, on)
+        yield "rays", _rays(scene, surface, on, first_look)
     for name, theory in assembly.wave_groups(scene).items():
         yield name, wave_part(scene, surface, theory, on.speeds)
 
@@ -89,14 +93,14 @@ def _surface(scene: Scene, source: Heightfield, speeds: Speeds) -> Forecast:
     return Forecast(seconds, memory)
 
 
-def _rays(scene: Scene, surface: Heightfield, on: Calibration) -> Forecast | None:
+def _rays(scene: Scene, surface: Heightfield, on: Calibration, first_look: bool) -> Forecast | None:
     from ..geometric import RayOptics
     from .ray_forecast import ray_forecast
 
     gonio, solver = assembly.gonioreflectometer(scene), assembly.rays(scene)
     if not isinstance(solver, RayOptics):
         return None
-    return ray_forecast(solver, surface, gonio.incoming, gonio.detector, on.speeds, on.threads)
+    return ray_forecast(solver, surface, gonio.incoming, gonio.detector, on.speeds, on.threads, first_look)
 
 
 def wave_part(scene: Scene, surface: Heightfield, theory: str, speeds: Speeds) -> Forecast | None:

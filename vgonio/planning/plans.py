@@ -8,9 +8,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-# times a rough error: where it lies, measured with 10⁴ to 10⁵ rays on slopes of 0.1 to 0.5 (0.3 to 100); faint cones,
-# which several reflections reach, decide about it
-ROUGH = (0.3, 100.0)
 DAY, YEAR = 86_400.0, 31_557_600.0  # seconds
 
 
@@ -21,7 +18,7 @@ class Stage:
     part : of the run that it belongs to, the first stage of which has the forecast of all:
     seconds : wall-clock;  memory_bytes : of the whole process meanwhile
     error : that the solver will state: of rays the relative standard error, of waves the numerical one
-    rough : whether only a range is known, see ROUGH, as of rays by chosen facets without a first look
+    rough : factors on the error between which it lies where only a range is known, as of rays by chosen facets
     """
 
     name: str
@@ -33,7 +30,7 @@ class Stage:
     seconds: float | None = None
     memory_bytes: float | None = None
     error: float | None = None
-    rough: bool = False
+    rough: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -73,10 +70,11 @@ class Plan:
     @property
     def error_words(self) -> str:
         """The largest error; the range of what it may be, where a rough one may be the largest."""
-        rough = max((s.error for s in self.stages if s.error is not None and s.rough), default=0.0)
+        rough = [(s.rough[0] * s.error, s.rough[1] * s.error) for s in self.stages if s.error is not None and s.rough]
         known = max((s.error for s in self.stages if s.error is not None and not s.rough), default=0.0)
-        if ROUGH[1] * rough > known:
-            return between(max(known, ROUGH[0] * rough), ROUGH[1] * rough)
+        least, most = (max((r[i] for r in rough), default=0.0) for i in (0, 1))
+        if most > known:
+            return between(max(known, least), most)
         return "" if self.error is None else percent(self.error)
 
     def choices(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
@@ -99,7 +97,7 @@ class Plan:
 
     def rows(self) -> list[dict[str, Any]]:
         """One dictionary a stage: the fields of `Stage`."""
-        return [asdict(s) for s in self.stages]
+        return [{**asdict(s), "rough": list(s.rough) if s.rough else None} for s in self.stages]
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -145,13 +143,13 @@ class Plan:
 
 
 def figures(
-    seconds: float | None, memory_bytes: float | None, error: float | None, rough: bool = False
+    seconds: float | None, memory_bytes: float | None, error: float | None, rough: tuple[float, float] | None = None
 ) -> tuple[str, str, str]:
     """Two digits of each, with its unit; empty where there is none; a range for a rough error."""
     return (
         duration(seconds),
         "" if memory_bytes is None else _size(memory_bytes),
-        "" if error is None else between(ROUGH[0] * error, ROUGH[1] * error) if rough and error else percent(error),
+        "" if error is None else between(rough[0] * error, rough[1] * error) if rough and error else percent(error),
     )
 
 

@@ -26,7 +26,12 @@ def with_forecasts(stages: list[Stage], found: Mapping[str, Forecast]) -> list[S
             told.add(s.part)
             f = found[s.part]
             s = replace(
-                s, seconds=f.seconds, memory_bytes=f.memory_bytes, error=f.error, rough=f.rough, why=s.why + _speckle(f)
+                s,
+                seconds=f.seconds,
+                memory_bytes=f.memory_bytes,
+                error=f.error,
+                rough=f.rough,
+                why=s.why + _speckle(f) + (f"; {f.how}" if f.how else ""),
             )
         out.append(s)
     return out
