@@ -23,6 +23,12 @@ COLOURS = {
     "harvey-shack": "#e69f00",
     "rayleigh-rice p": "#cc79a7",
 }
+NAMES = {
+    "kirchhoff": "Kirchhoff",
+    "generalized-harvey-shack": "generalised Harvey–Shack",
+    "harvey-shack": "Harvey–Shack",
+    "rayleigh-rice p": "Rayleigh–Rice p",
+}
 
 
 def table() -> list[tuple[str, int, float, dict[str, float]]]:
@@ -42,9 +48,10 @@ def figure():
     theta_o = np.linspace(-80, 80, 321)
     for ax, theta in zip(axes, ANGLES):
         for name, values in closed_forms.parting(theta, theta_o).items():
-            ax.semilogy(theta_o, values, color=COLOURS[name], ls="--" if name.endswith(" p") else "-", label=name)
+            line = "--" if name.endswith(" p") else "-"
+            ax.semilogy(theta_o, values, color=COLOURS[name], ls=line, label=NAMES[name])
         ax.axhline(1, color=INK, lw=1, ls=":", label="Rayleigh–Rice s")
-        ax.set(title=f"θᵢ = {theta}°", xlabel="θₒ / °", ylim=(0.5, 300), xticks=range(-80, 81, 40))
+        ax.set(title=f"θᵢ = {theta}°", xlabel="angle of reflection θₒ (°)", ylim=(0.5, 300), xticks=range(-80, 81, 40))
         for at, what in ((-theta, "mirror"), (theta, "retro")):
             if theta:
                 ax.axvline(at, color="#b9c0ca", lw=0.8)
