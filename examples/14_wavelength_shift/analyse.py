@@ -3,8 +3,8 @@
     python examples/14_wavelength_shift/analyse.py out/shift -o out/shift.png
 
 Slopes are those of thesis 4.2 at 600 nm in % per 100 nm, the exponent p of the Fresnel reflectance fixed at the number
-of reflections (1, or 2 for the rest). Errors are those of the jackknife over rows, as if
-these were independent. `--quick` simulates two rows of sample 1 in a folder of its own first (5 s).
+of reflections (1, or 2 for the rest). Errors are those of the jackknife over rows, or over blocks of three neighbours
+where that is larger. `--quick` simulates two rows of sample 1 in a folder of its own first (5 s).
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import vgonio as vg
 PER_100_NM = 1e4  # nm⁻¹ → % per 100 nm
 BRIGHT = 2e-3  # of the lobe's largest value: directions that are drawn
 PART = 1e-2  # of the light of a direction: parts that are drawn there
+BLOCK, FEWEST = 3, 3  # neighbouring rows in a block, 30 µm; as many blocks tell something of their spread
 PARTS = {"single": 1.0, "multiple": 2.0, "tangent": 1.0, "total": 1.0}
 BRDFS = (*PARTS, "rays_single", "rays_multiple")
 STYLES: dict[str, dict] = {
@@ -62,6 +63,18 @@ def jackknife(rows: xr.DataArray, function) -> tuple[xr.DataArray, xr.DataArray]
     return function(rows.mean("row")), error
 
 
+def with_error(rows: xr.DataArray, function) -> tuple[xr.DataArray, xr.DataArray]:
+    """(value, standard error): the larger of two jackknives, over rows and over blocks of neighbours, which share
+    cavities; of too few rows for FEWEST blocks that over rows."""
+    value, error = jackknife(rows, function)
+    whole = rows.sizes["row"] // BLOCK * BLOCK
+    if whole < FEWEST * BLOCK:
+        return value, error
+    blocks = rows.isel(row=slice(0, whole)).coarsen(row=BLOCK).mean()
+    other = jackknife(blocks, function)[1]
+    return value, error.where(error > other, other)
+
+
 def side(values: xr.DataArray, theta_i: float, which: str) -> xr.DataArray:
     """Directions on the mirror's side (θ_o ≤ −10°) or on that of the source (θ_o ≥ 10°)."""
     theta = values["theta_o"]
@@ -85,7 +98,7 @@ def table(data: xr.Dataset, theta_i: float) -> list[dict[str, float | str]]:
     rows: list[dict[str, float | str]] = []
     for which in ("forward", "back"):
         for part, p in PARTS.items():
-            value, error = jackknife(data[part], lambda b, w=which, p=p: side_slope(b, theta_i, w, p))
+            value, error = with_error(data[part], lambda b, w=which, p=p: side_slope(b, theta_i, w, p))
             rows.append({"side": which, "part": part, "slope": float(value), "error": float(error)})
     return rows
 
@@ -114,7 +127,7 @@ def figure(samples: Mapping[str, xr.Dataset], theta_i: float):
     grid = made.subplots(2, len(samples), sharex=True, sharey="row", squeeze=False)
     for column, (title, data) in zip(grid.T, samples.items()):
         for part, p in PARTS.items():
-            found = jackknife(data[part], lambda brdf, p=p: slopes(brdf, p).sel(theta_i=theta_i))
+            found = with_error(data[part], lambda brdf, p=p: slopes(brdf, p).sel(theta_i=theta_i))
             value, error = (a.where(drawn(data, part).sel(theta_i=theta_i)) for a in found)
             column[0].errorbar(value["theta_o"], value, error, ms=2.5, elinewidth=0.6, **STYLES[part])
         column[0].axhline(0, color="#b9c0ca", lw=0.8, zorder=0)

@@ -80,6 +80,12 @@ def test_jackknife_is_the_standard_error_of_a_mean(example):
     value, error = example["analyse"].jackknife(rows, lambda r: r)
     np.testing.assert_allclose(value, rows.mean("row"))
     np.testing.assert_allclose(error, rows.std("row", ddof=1) / np.sqrt(20))
+    # rows that are three times the same are a third as many
+    thrice = rows.isel(row=np.repeat(np.arange(4), 3))
+    four = rows.isel(row=slice(0, 4))
+    value, error = example["analyse"].with_error(thrice, lambda r: r)
+    np.testing.assert_allclose(value, four.mean("row"))
+    np.testing.assert_allclose(error, four.std("row", ddof=1) / np.sqrt(4))
 
 
 def test_resampled_profile_keeps_the_relief(example):
