@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import linregress
 
 from vgonio.errors import InputError
 from vgonio.measure import formats
-from vgonio.measure.cross_validation import cross_validate, grazing_spectra
+from vgonio.measure.cross_validation import _slopes, cross_validate, grazing_spectra
 from vgonio.measure.isotropic import sampled
 
 THETA_O = np.arange(-80, 81, 10)
@@ -85,6 +86,16 @@ def test_tilt_of_spectra(facets):
     # σ/√Σ(λ − mean)²: 0.01 / 277
     expected = 0.01 / np.sqrt(np.sum((a.wavelength.values - 550) ** 2))
     np.testing.assert_allclose(out.tilt_stderr.sel(name="noisy"), expected, rtol=0.4)
+
+
+@pytest.mark.parametrize("n", [3, 7])
+def test_tilts_and_their_errors_are_those_of_a_regression(rng, n):
+    """Against SciPy's, with n − 2 degrees of freedom: three wavelengths leave one."""
+    x, y = np.sort(rng.uniform(400, 700, n)), rng.random((2, n))
+    slope, stderr = _slopes(x, y)
+    expected = [linregress(x, row) for row in y]
+    np.testing.assert_allclose(slope, [e.slope for e in expected], rtol=1e-9)
+    np.testing.assert_allclose(stderr, [e.stderr for e in expected], rtol=1e-9)
 
 
 def test_ptfe_tilts_with_the_side(shared):
