@@ -90,7 +90,7 @@ def _notebooks(app, name: str, source: list[str]) -> None:
 
 
 def _subscripts(app, tree: nodes.document, name: str) -> None:
-    """θ_i in the text as θ with a small i; code, names of arguments and links stay as they are."""
+    """θ_i in the text as θ with a small i, 5 % on one line; code, names of arguments and links stay as they are."""
     kept = (nodes.literal, nodes.literal_block, nodes.strong, nodes.raw, nodes.FixedTextElement, nodes.reference)
     for text in list(tree.findall(nodes.Text)):
         above, inside = text.parent, []
@@ -98,7 +98,7 @@ def _subscripts(app, tree: nodes.document, name: str) -> None:
             inside.append(above)
             above = above.parent
         parts = symbols(text.astext())
-        if len(parts) > 1 and not any(isinstance(n, kept) or n.tagname.startswith("desc_sig") for n in inside):
+        if parts != [text] and not any(isinstance(n, kept) or n.tagname.startswith("desc_sig") for n in inside):
             made = [nodes.subscript("", t) if n % 2 else nodes.Text(t) for n, t in enumerate(parts)]
             text.parent.replace(text, [m for m in made if m.astext()])
 

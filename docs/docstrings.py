@@ -20,8 +20,14 @@ CITED = re.compile(rf"\b({NAME})(?:'s)?((?: et al\.?| and {NAME}|, {NAME} and {N
 SYMBOL = re.compile(r"(?<![\w`.])(d?[A-Za-zα-ωΑ-Ω])_(?!um\b|nm\b|deg\b)([a-zA-Z0-9]{1,3})(?!\w|\.\w)")
 
 
+# a number and its unit stay on one line
+UNIT = re.compile(r"(?<=\d) (?=(?:%|°|(?:nm|µm|mm|GB|MB|ms|s)\b))")
+
+
 def symbols(text: str) -> list[str]:
-    """The text cut at the indices of its symbols: "cos θ_i/2" → ["cos θ", "i", "/2"]; every second part is an index."""
+    """The text cut at the indices of its symbols: "cos θ_i/2" → ["cos θ", "i", "/2"]; every second part is an index.
+    Between a number and its unit the space becomes one that does not break."""
+    text = UNIT.sub("\u00a0", text)
     parts, end = [], 0
     for found in SYMBOL.finditer(text):
         parts += [text[end : found.end(1)], found[2]]

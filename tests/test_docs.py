@@ -150,11 +150,14 @@ def test_symbols_get_their_indices() -> None:
     assert symbols("q_z = k (cos θ_i)") == ["q", "z", " = k (cos θ", "i", ")"]
     for name in ("s_um", "theta_i", "k_nm", "x_axis", "file_a.csv"):
         assert symbols(name) == [name]
+    assert symbols("5 % of 3 samples") == ["5\u00a0% of 3 samples"]
 
 
 def test_no_line_is_lost_as_a_comment() -> None:
     """MyST takes a line that begins with a per cent sign for a comment, and the page lacks what it says."""
-    lost = [f"{p.name}: {line}" for p in PAGES for line in p.read_text(encoding="utf-8").splitlines() if line[:1] == "%"]
+    lost = [
+        f"{p.name}: {line}" for p in PAGES for line in p.read_text(encoding="utf-8").splitlines() if line[:1] == "%"
+    ]
     for script in (ROOT / "examples").glob("*.py"):
         lines = script.read_text(encoding="utf-8").splitlines()
         lost += [f"{script.name}: {line}" for line in lines if re.match(r"# %(?!%)", line)]
