@@ -20,7 +20,7 @@ from vgonio.compare import (
     reflectance,
     total_integrated_scatter,
 )
-from vgonio.compare.explained import kind_of
+from vgonio.compare.explained import _share, kind_of
 from vgonio.compare.gloss import RECEPTORS_DEG, of_model, reading
 from vgonio.directions import Detector, cone_projected_solid_angle, unit_vectors
 from vgonio.errors import InputError
@@ -219,6 +219,23 @@ def test_shares_are_those_put_in(shifted, agreement):
     assert float(last.significance) > 20
     assert float(last.chi2_reduced) == pytest.approx(1, abs=0.3)
     assert str(last.kind.values) == "empirical model"
+
+
+@pytest.mark.parametrize("ratio", [0.0, 1.0, 2.0])
+def test_the_noise_of_an_explanation_is_not_held_against_it(rng, ratio):
+    """The same slopes, three times their error high, found anew with errors `ratio` times as large: all is explained.
+
+    Without its own variance taken out the share would be 1 − ratio²/9.
+    """
+    truth, sigma = 3e-4 * rng.standard_normal((40, 50)), 1e-4
+    dims = ("theta_i", "theta_o")
+    own, other = (truth + s * rng.standard_normal(truth.shape) for s in (sigma, ratio * sigma))
+    measured = xr.Dataset({"slope": (dims, own), "slope_stderr": (dims, np.full(own.shape, sigma))})
+    slope, stderr = (xr.DataArray(v, dims=dims) for v in (other, np.full(own.shape, ratio * sigma)))
+    found = _share(measured, slope, stderr, 0, 1)
+    assert found["share_stderr"] < 0.03
+    assert abs(found["share"] - 1) < 4 * found["share_stderr"] + 1e-3
+    assert found["chi2_reduced"] == pytest.approx(1, abs=4 * np.sqrt(2 / truth.size))
 
 
 def test_noise_explains_nothing(shifted):
