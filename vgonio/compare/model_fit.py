@@ -72,19 +72,10 @@ def fit_model(
     """
     began = time.perf_counter()
     entry = find(model)
-    if errors not in ERRORS or cluster not in CLUSTERS:
-        name, known = (errors, ERRORS) if errors not in ERRORS else (cluster, CLUSTERS)
-        raise InputError(f"unknown choice {name!r}: {nearest(name, known)}")
-    if not (np.isfinite(exponent) and exponent >= 0):
-        raise InputError(f"exponent = {exponent}: w of the cost function is 0 or more (the thesis uses 1 to 6)")
+    _check_words(errors, cluster, exponent)
     chosen, inside, values = _choices(model, entry, material, free, coefficients, fixed)
     pairs = pairs_of(data, wavelength_range_nm)
-    if not np.any(pairs.values > 0):
-        raise InputError("no value of the BRDF is positive: there is nothing that a model could be fitted to")
-    needed = len(chosen) + len(inside) + 1
-    if len(pairs.place) < needed:
-        raise InputError(f"{len(pairs.place)} spectra are too few for {len(chosen)} parameters and {len(inside)} "
-                         f"coefficients at each wavelength: {needed} are needed")  # fmt: skip
+    _check_enough(pairs, chosen, inside)
     bounds = _ranges(chosen, ranges)
     _check_start(start or {}, bounds)
     problem = Problem(entry, pairs, pairs.target(exponent), inside, _at_pairs(values, pairs))
@@ -125,6 +116,23 @@ def fit_model(
         **_chi_square(data, result, len(bounds) + len(inside) * pairs.wavelength.size),
     }
     return result
+
+
+def _check_words(errors: str, cluster: str, exponent: float) -> None:
+    if errors not in ERRORS or cluster not in CLUSTERS:
+        name, known = (errors, ERRORS) if errors not in ERRORS else (cluster, CLUSTERS)
+        raise InputError(f"unknown choice {name!r}: {nearest(name, known)}")
+    if not (np.isfinite(exponent) and exponent >= 0):
+        raise InputError(f"exponent = {exponent}: w of the cost function is 0 or more (the thesis uses 1 to 6)")
+
+
+def _check_enough(pairs: Pairs, chosen: list[str], inside: tuple[str, ...]) -> None:
+    if not np.any(pairs.values > 0):
+        raise InputError("no value of the BRDF is positive: there is nothing that a model could be fitted to")
+    needed = len(chosen) + len(inside) + 1
+    if len(pairs.place) < needed:
+        raise InputError(f"{len(pairs.place)} spectra are too few for {len(chosen)} parameters and {len(inside)} "
+                         f"coefficients at each wavelength: {needed} are needed")  # fmt: skip
 
 
 def _choices(

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..dataset import brdf_dataset, label, versions
+from ..dataset import label
 from ..directions import Detector, Incoming, wavelength_list
 from ..errors import InputError, VgonioWarning, nearest, relative_tolerance, whole
 from ..materials import Material, material
@@ -20,7 +20,8 @@ from ..surface.heightfield import Heightfield
 from ..surface.mesh import mirrored
 from .beam import Scene, warn_of_fine_relief
 from .fresnel_table import FresnelTable
-from .sampling import ESTIMATORS, Settings, relative_error, sample_angle
+from .outcome import dataset
+from .sampling import ESTIMATORS, Settings, sample_angle
 from .statistics import statistics_variables
 from .tally import Tally, tally
 from .trace import Paths
@@ -114,7 +115,7 @@ class RayOptics:
             if self.progress:
                 self.progress((i + 1) / len(seeds))
         tallies, estimators, points = zip(*results)
-        data = self._dataset(list(tallies), incoming, detector)
+        data = dataset(self, list(tallies), incoming, detector)
         if self.statistics:
             found, coords = statistics_variables(scene, incoming, self.bounces, self.rays, self.max_bounces, self.seed)
             data = label(data.assign(found).assign_coords(coords))
@@ -187,83 +188,3 @@ class RayOptics:
             lost = sum(int((~p.escaped).sum()) for p in scene.paths(incoming, i, 20_000, rng, self.max_bounces, 5000))
             worst = max(worst, lost / 20_000)
         return worst
-
-    def _dataset(self, tallies: list[Tally], incoming: Incoming, detector: Detector) -> xr.Dataset:
-        n = np.array([t.rays for t in tallies], float)
-        share = 1.0 / (n[:, None, None, None] * detector.projected_solid_angle[:, None])
-        f = np.stack([t.caught for t in tallies]) * share
-        variance = np.stack([t.caught_variance for t in tallies])
-
-        def stderr(variance: Floats) -> Floats:
-            count = n.reshape(-1, *[1] * (variance.ndim - 1))
-            return np.sqrt(variance) / (count * detector.projected_solid_angle[:, None])
-
-        # a difference of sums: rounding may leave −1e-16 where nothing is absorbed
-        absorbed = np.maximum(np.stack([t.absorbed / t.rays for t in tallies]), 0.0)
-        over = ("theta_i", *detector.dims, "wavelength")
-        shortcut = np.stack([shortcut_error(t) for t in tallies])
-        stokes = mueller_variables(tallies, n, detector) if self.polarised else {}
-        return brdf_dataset(
-            {
-                "brdf": (over, f.sum(axis=1)),
-                "brdf_stderr": (over, stderr(variance.sum(axis=1))),
-                "brdf_by_bounce": (("bounce", *over), np.moveaxis(f, 1, 0)),
-                "brdf_by_bounce_stderr": (("bounce", *over), np.moveaxis(stderr(variance), 1, 0)),
-                "energy_by_bounce": (
-                    ("theta_i", "bounce", "wavelength"),
-                    np.stack([t.upward / t.rays for t in tallies]),
-                ),
-                "energy_absorbed": (("theta_i", "wavelength"), absorbed),
-                "energy_lost": (("theta_i", "wavelength"), np.stack([t.lost / t.rays for t in tallies])),
-                "averaged_shortcut_error": (("theta_i", "wavelength"), shortcut),
-                "rays": (("theta_i",), n.astype(np.int64)),
-                **stokes,
-            },
-            incoming.theta_deg,
-            self.wavelength_nm,
-            detector,
-            phi_i_deg=incoming.phi_deg,
-            coords={
-                "bounce": np.arange(1, self.bounces + 1),
-                **({"stokes_out": list("IQUV"), "stokes_in": list("IQUV")} if stokes else {}),
-            },
-            attrs={
-                "method": "rays: geometric optics, Stokes vectors from hit to hit",
-                "solver": "RayOptics",
-                "material": self.material.name,  # type: ignore[union-attr]
-                "material_source": self.material.source,  # type: ignore[union-attr]
-                "polarisation": incoming.polarisation,
-                "seed": self.seed,
-                "rays_asked": self.rays,
-                "tolerance_asked": "none" if self.tol is None else self.tol,
-                "error_achieved": float(max(relative_error(t) for t in tallies)),
-                "error_estimate": "largest relative standard error where brdf exceeds 1e-3 of its largest value "
-                "per theta_i and wavelength, from pairs of rays in one cell of the starts and from points on facets",
-                "error_leaves_out": f"what finer facets change (refinement = {self.refinement}): errors are those of "
-                "sampling the facets as they are, 0 where no sampling is needed; refinement_check tells",
-                "averaged_shortcut": "the product of unpolarised reflectances would have been off by up to "
-                f"{100 * np.abs(shortcut).max():.2g} % in the power of two and more reflections",
-                "max_bounces": self.max_bounces,
-                "bounce_last": f"{self.bounces} gathers {self.bounces} and more reflections",
-                "versions": versions(),
-            },
-        )
-
-
-def shortcut_error(t: Tally) -> Floats:
-    """(w,) relative error of the product of unpolarised reflectances over paths of two and more; 0 without any."""
-    return np.where(t.multiple > 0, t.averaged / np.where(t.multiple > 0, t.multiple, 1.0) - 1, 0.0)
-
-
-def mueller_variables(tallies: list[Tally], n: Floats, detector: Detector) -> dict[str, tuple[tuple[str, ...], Floats]]:
-    """`mueller` and its standard error, (theta_i, detector, wavelength, stokes_out, stokes_in), from n (t,) rays."""
-    scale = 1 / (n[:, None] * detector.projected_solid_angle)[:, :, None, None, None]
-    over = ("theta_i", *detector.dims, "wavelength", "stokes_out", "stokes_in")
-
-    def variable(values: list[Floats]) -> Floats:
-        return np.moveaxis(np.stack(values), -1, 2)
-
-    return {
-        "mueller": (over, variable([t.mueller for t in tallies]) * scale),
-        "mueller_stderr": (over, np.sqrt(variable([t.mueller_variance for t in tallies])) * scale),
-    }

@@ -65,10 +65,9 @@ def tally(
     """
     wavelengths = table.table.shape[2]
     out = Tally.empty(kept, len(detector), wavelengths, polarised)
-    weight = np.ones(len(paths.bounces)) if paths.weight is None else paths.weight
-    out.rays = round(float(weight.sum()))
+    out.rays = round(float(paths.times.sum()))
     stray = ~paths.escaped & (paths.bounces == 0)
-    out.lost += weight[stray].sum()
+    out.lost += paths.times[stray].sum()
     if not paths.hits:
         return out
     ray, element = detector.catch(paths.direction)
@@ -76,14 +75,31 @@ def tally(
     if paths.counted is not None:
         use &= paths.counted[ray]
     ray, element = ray[use], element[use]
+    once = paths.bounces[ray] == 1
+    _tally_single(out, paths, table, polarisation, ray[once], element[once])
+    if len(paths.hits) > 1:
+        _tally_multiple(out, paths, table, polarisation, kept, ray[~once], element[~once])
+    if polarised:
+        _tally_mueller(out, paths, table, detector, ray, element, phi_i_deg)
+    rays = out.rays if paths.of_rays is None else paths.of_rays
+    if paths.variance is None and rays > 1:
+        out.caught_variance = _independent(out.caught_variance, out.caught, rays)
+        out.mueller_variance = _independent(out.mueller_variance, out.mueller, rays)
+    return out
 
-    # one reflection: sums over the table's nodes; wavelengths enter last
-    first = paths.hits[0]
+
+def _tally_single(
+    out: Tally, paths: Paths, table: FresnelTable, polarisation: str, ray: NDArray, element: NDArray
+) -> None:
+    """First reflections of all paths; `ray`, reflected once only, falls into `element` (n,).
+
+    Sums over the nodes of the table: wavelengths enter last.
+    """
+    first, weight = paths.hits[0], paths.times
     q = STOKES_Q[polarisation] * first.cos_2psi
     single = paths.bounces[first.ray] == 1
     ends, lost_ends = single & paths.escaped[first.ray], single & ~paths.escaped[first.ray]
     source_is_polarised = polarisation != "unpolarised"
-
     times = weight[first.ray]
 
     def reflected(mask: NDArray[np.bool_]) -> Floats:
@@ -95,24 +111,13 @@ def tally(
     out.absorbed += times.sum() - reflected(np.ones(len(first.ray), bool))
     place = np.full(len(paths.bounces), -1, np.int64)
     place[first.ray] = np.arange(len(first.ray))
-    once = paths.bounces[ray] == 1
-    at = place[ray[once]]
+    at = place[ray]
     variance = weight if paths.variance is None else paths.variance
     # power a + qb and its square, summed over the rays of each element
     for into, of_ray, columns in ((out.caught, weight, table.powers), (out.caught_variance, variance, table.squares)):
         for power, column in enumerate(columns if source_is_polarised else columns[:1]):
-            share = of_ray[ray[once]] * q[at] ** power
-            into[0] += table.histogram(first.cos_i[at], share, element[once], len(detector)) @ column
-
-    if len(paths.hits) > 1:
-        _tally_multiple(out, paths, table, polarisation, kept, ray[~once], element[~once])
-    if polarised:
-        _tally_mueller(out, paths, table, detector, ray, element, phi_i_deg)
-    rays = out.rays if paths.of_rays is None else paths.of_rays
-    if paths.variance is None and rays > 1:
-        out.caught_variance = _independent(out.caught_variance, out.caught, rays)
-        out.mueller_variance = _independent(out.mueller_variance, out.mueller, rays)
-    return out
+            share = of_ray[ray] * q[at] ** power
+            into[0] += table.histogram(first.cos_i[at], share, element, out.caught.shape[1]) @ column
 
 
 def _independent(squares: Floats, total: Floats, rays: int) -> Floats:
@@ -138,7 +143,7 @@ def _tally_multiple(
     out: Tally, paths: Paths, table: FresnelTable, polarisation: str, kept: int, ray: NDArray, element: NDArray
 ) -> None:
     """Paths of two and more reflections: the Stokes vector goes from hit to hit, per ray and wavelength."""
-    weight = np.ones(len(paths.bounces)) if paths.weight is None else paths.weight
+    weight = paths.times
     variance = weight if paths.variance is None else paths.variance
     members = paths.hits[1].ray
     row = np.full(len(paths.bounces), -1, np.int64)

@@ -56,6 +56,11 @@ class Paths:
     counted: NDArray[np.bool_] | None = None  # (n,) counts for the detector; None: all
     of_rays: int | None = None  # out of how many independent rays these are, where the others are counted elsewhere
 
+    @property
+    def times(self) -> Floats:
+        """(n,) how many rays took each path."""
+        return np.ones(len(self.bounces)) if self.weight is None else self.weight
+
 
 def trace(
     mesh: Mesh,

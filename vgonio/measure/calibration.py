@@ -54,15 +54,8 @@ def calibration_factor(
     _check_choices(theta_i_deg, standard_nm, standard_uncertainty)
     counts = _counts(counts)
     here = _nearest_theta_i(counts, theta_i_deg)
-    asked = np.asarray(theta_o_deg, float)
-    asked = asked[np.abs(asked) <= _widest(standard) + 0.5]
-    kept = [int(k) for k in np.flatnonzero(np.abs(here["theta_o"].values[:, None] - asked).min(axis=1) < 0.5)]
-    here = here.isel(theta_o=kept)
+    here = _counted(here, standard, np.asarray(theta_o_deg, float))
     v = here["counts"].values
-    finite = np.isfinite(v).all(axis=1)
-    if not finite.any():
-        raise InputError(f"no counts of the standard at θ_i = {theta_i_deg:g}° and θ_o = {asked.tolist()}")
-    here, v = here.isel(theta_o=np.flatnonzero(finite)), v[finite]
     f, relative = _standard_at(standard, here, standard_nm, standard_uncertainty)
     if not np.all((f > 0) & np.isfinite(f)):
         raise InputError("the BRDF of the standard has to be positive at every angle of the calibration")
@@ -98,6 +91,16 @@ def calibration_factor(
             "standard_nm": "each wavelength its own" if standard_nm is None else float(standard_nm),
         },
     )
+
+
+def _counted(here: xr.Dataset, standard: xr.Dataset, asked: Floats) -> xr.Dataset:
+    """Counts at the angles of reflection asked for that were counted and where the standard is known."""
+    asked = asked[np.abs(asked) <= _widest(standard) + 0.5]
+    wanted = np.abs(here["theta_o"].values[:, None] - asked).min(axis=1) < 0.5
+    finite = np.isfinite(here["counts"].values).all(axis=1)
+    if not np.any(wanted & finite):
+        raise InputError(f"no counts of the standard at θ_i = {float(here['theta_i']):g}° and θ_o = {asked.tolist()}")
+    return here.isel(theta_o=np.flatnonzero(wanted & finite))
 
 
 def _check_choices(theta_i_deg: float, standard_nm: float | None, standard_uncertainty: float | None) -> None:

@@ -141,14 +141,7 @@ class Kirchhoff:
             data.attrs |= cone_attributes(rules(parallel(incoming)[0]))
         else:
             data.attrs |= cell_attributes(surface, job, self.theory, plan.step, detector)
-            if data.attrs["cell_error"] > max(self.tol, NARROW):
-                warnings.warn(
-                    f"waves: lobes are narrow against the cells of the hemisphere, whose few directions miss or "
-                    f"overrate the brightest by up to {data.attrs['cell_error']:.0%}: take a smaller resolution_deg "
-                    "or coherence_um, or cones in the plane of incidence",
-                    VgonioWarning,
-                    stacklevel=3,
-                )
+            self._warn_of_cells(data.attrs["cell_error"])
         data.attrs |= plan.attrs | {
             "error_achieved": max(error, edges, data.attrs.get("cone_error", 0.0)),
             "error_estimate": "largest change of brdf on a grid 1.5 times finer, relative to its maximum over the "
@@ -163,6 +156,17 @@ class Kirchhoff:
             "seconds": time.perf_counter() - start,
         }
         return data
+
+    def _warn_of_cells(self, error: float) -> None:
+        """Lobes narrow against the cells of the hemisphere, whose directions are few."""
+        if error > max(self.tol, NARROW):
+            warnings.warn(
+                f"waves: lobes are narrow against the cells of the hemisphere, whose few directions miss or "
+                f"overrate the brightest by up to {error:.0%}: take a smaller resolution_deg "
+                "or coherence_um, or cones in the plane of incidence",
+                VgonioWarning,
+                stacklevel=4,
+            )
 
     def _mean(self, work: Work, job: Job, how: How, shadows: Shadows | None) -> tuple[Floats, Floats, str]:
         """Mean over windows, its standard error (outcomes, theta_i, element, wavelength), and how that was found."""

@@ -42,53 +42,59 @@ def sums(
 
     The windows of equal y_c have to follow each other, as `coherence.tile` makes them.
     """
-    ip = surface.interpolant
     lx = surface.size_um[1]
     n = int(np.ceil(lx / spacing[1]))
     x = (np.arange(n) + 0.5) * lx / n
     middle = (surface.z.min() + surface.z.max()) / 2
-    levels, row = np.unique(np.round(q[:, 1] / np.abs(q).max() * 1e12), return_inverse=True)
-    levels = levels * np.abs(q).max() * 1e-12
-    targets = [np.flatnonzero(row == r) for r in range(len(levels))]
-    x_kernel = Kernel.of(tol, OVERSAMPLING_X)
+    turn = np.exp(-1j * q[:, 2] * middle)
     for y_c in dict.fromkeys(w.centre[0] for w in windows):
         group = [w for w in windows if w.centre[0] == y_c]
         half = group[0].half[0]
         rows = max(2, int(np.ceil(2 * half / spacing[0])))
-        y = (np.arange(rows) + 0.5) * 2 * half / rows - half
-        g = group[0].profile(y, half) * (2 * half / rows)
         require_affordable(rows, n)
-        along = (np.exp(-1j * np.outer(levels, y)) * g).astype(np.complex128)
-        z = ip.grid(y + y_c, x) - middle
-        band = Band.of(q[:, 2], float(np.abs(z).max()) * 1.001 + 1e-9, tol)
-        lines = [_lines(band, q[t, 2]) for t in targets]
-        S = np.zeros((len(group), len(q)), np.complex128)
+        y = (np.arange(rows) + 0.5) * 2 * half / rows - half
+        z = surface.interpolant.grid(y + y_c, x) - middle
         slices = [_columns(w, x, lx, surface.periodic) for w in group]
-        size = scipy.fft.next_fast_len(int(OVERSAMPLING_X * max(len(c) for c, _ in slices)) + 1)
         profiles = [w.profile(t, w.half[1]) for w, (_, t) in zip(group, slices)]
-        # positions in cells of the frequency grid; dividing out the kernel's transform
-        weights = [
-            gx * (lx / n) / x_kernel.transform(2 * np.pi * t / (lx / n) / size) for gx, (_, t) in zip(profiles, slices)
-        ]
-        at_once = max(1, int(MEMORY / (16 * band.count * n)))
-        for first in range(0, len(levels), at_once):
-            held = range(first, min(first + at_once, len(levels)))
-            spectrum = _sum_over_y(z, along[first : first + at_once], [lines[r] for r in held], band)
-            for r in held:
-                own = spectrum[r - first, lines[r]]
-                spectra = [
-                    scipy.fft.fft(own[:, column] * weight, size, axis=1, workers=-1)
-                    for weight, (column, _) in zip(weights, slices)
-                ]
-                first_x = [t[0] for _, t in slices]
-                S[:, targets[r]] = _interpolate(
-                    spectra, q[targets[r]], first_x, lx / n, size, x_kernel, band, lines[r].start
-                )
-        area_y = float(np.sum(g**2)) / (2 * half / rows)
-        areas = [area_y * float(np.sum(gx**2)) * lx / n for gx in profiles]
-        turn = np.exp(-1j * q[:, 2] * middle)
-        for s, area in zip(S, areas):
-            yield s * turn, area
+        g = group[0].profile(y, half)
+        area_y = float(np.sum(g**2)) * 2 * half / rows
+        S = _group(z, y, g * (2 * half / rows), slices, profiles, lx / n, q, tol)
+        for s, gx in zip(S, profiles):
+            yield s * turn, area_y * float(np.sum(gx**2)) * lx / n
+
+
+def _group(
+    z: Floats, y: Floats, g: Floats, slices: list[tuple[NDArray, Floats]], profiles: list[Floats], dx: float,
+    q: Floats, tol: float,
+) -> Complex:  # fmt: skip
+    """S (windows, m) of windows of one y_c, heights z (y, x) from the middle; g (y,) weights along y.
+
+    slices : of each window its columns of z and their positions from its centre;  profiles : weights along x
+    """
+    levels, row = np.unique(np.round(q[:, 1] / np.abs(q).max() * 1e12), return_inverse=True)
+    levels = levels * np.abs(q).max() * 1e-12
+    targets = [np.flatnonzero(row == r) for r in range(len(levels))]
+    x_kernel = Kernel.of(tol, OVERSAMPLING_X)
+    along = (np.exp(-1j * np.outer(levels, y)) * g).astype(np.complex128)
+    band = Band.of(q[:, 2], float(np.abs(z).max()) * 1.001 + 1e-9, tol)
+    lines = [_lines(band, q[t, 2]) for t in targets]
+    size = scipy.fft.next_fast_len(int(OVERSAMPLING_X * max(len(c) for c, _ in slices)) + 1)
+    # positions in cells of the frequency grid; dividing out the kernel's transform
+    weights = [gx * dx / x_kernel.transform(2 * np.pi * t / dx / size) for gx, (_, t) in zip(profiles, slices)]
+    first_x = [t[0] for _, t in slices]
+    S = np.zeros((len(slices), len(q)), np.complex128)
+    at_once = max(1, int(MEMORY / (16 * band.count * z.shape[1])))
+    for first in range(0, len(levels), at_once):
+        held = range(first, min(first + at_once, len(levels)))
+        spectrum = _sum_over_y(z, along[first : first + at_once], [lines[r] for r in held], band)
+        for r in held:
+            own = spectrum[r - first, lines[r]]
+            spectra = [
+                scipy.fft.fft(own[:, column] * weight, size, axis=1, workers=-1)
+                for weight, (column, _) in zip(weights, slices)
+            ]
+            S[:, targets[r]] = _interpolate(spectra, q[targets[r]], first_x, dx, size, x_kernel, band, lines[r].start)
+    return S
 
 
 def _lines(band: Band, qz: Floats) -> slice:
