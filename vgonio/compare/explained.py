@@ -47,7 +47,10 @@ def explained_shares(
 
     share = 1 − Σ w (m − m_k)² / Σ w m², with w = 1/σ² of the measured slope; what the errors of both slopes alone would
     give is subtracted from both sums, for the fit what its parameters follow. 1 is all, 0 what "no shift" explains,
-    negative worse than that. material, p, wavelength_n_nm : as in `fit_local_shift`.
+    negative worse than that.
+
+    material, p, wavelength_n_nm : as in `fit_local_shift`
+
     Returns over `explanation` (the names, then "global shift"): share, share_stderr (bootstrap over angles of
     incidence, over spectra where there are fewer than five), chi2_reduced, slopes (how many), significance =
     share/share_stderr; `kind`. What could not be fitted is left out and named in attrs["left_out"].

@@ -69,9 +69,12 @@ def check_model(model: DisplayModel, ramps: Readings, tests: Readings) -> ModelC
 
 @dataclass(frozen=True)
 class Targets:
-    """What to show in framework 2. names : of the m patches;  reference : (m, 3) normalised XYZ;  rgb : by profile
-    (m, 3) signals as the display takes them;  black, white : (3,) cd/m² of the display;  controls : what the measured
-    profile asked for;  illuminant : in words."""
+    """What to show in framework 2.
+
+    names : of the m patches;  reference : (m, 3) normalised XYZ;  rgb : by profile,
+    signals (m, 3) as the display takes them;  black, white : (3,) cd/m² of the display;  controls : what the measured
+    profile asked for;  illuminant : in words
+    """
 
     names: tuple[str, ...]
     reference: Floats

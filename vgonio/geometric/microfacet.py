@@ -106,9 +106,10 @@ def masking(
     """Masking G₁ per direction: the visible share of the projected area of the facets that face it, by ray casting.
 
     theta_deg : (n,) signed polar angles in the plane of azimuth phi_deg;  points : sample points per direction
-    `masking (theta)` with standard error; `projected_area (theta)`: Σ area (ω·m)⁺ over the ground area, so that
-    masking · projected_area = cos θ (Smith 1967; Heitz 2014). A finite sample is continued by its mirror
-    images. Raises InputError for angles of 90° and beyond.
+
+    Returns `masking (theta)` with standard error, and `projected_area (theta)`: Σ area (ω·m)⁺ over the ground area, so
+    that masking · projected_area = cos θ (Smith 1967; Heitz 2014). A finite sample is continued by its mirror images.
+    Raises InputError for angles of 90° and beyond.
     """
     if points < 1:
         raise InputError(f"points = {points}: at least one per direction is needed")
@@ -144,8 +145,9 @@ def prediction(
     """The microfacet BRDF D F G₂ / (4 cos θ_i cos θ_o) of the mesh, to be laid beside traced single reflections.
 
     incoming, detector : as a Gonioreflectometer has them;  points : per detector element
-    `brdf (theta_i, detector, wavelength)` and its parts over (theta_i, detector): `ndf` D at the half vector, the mean
-    over the detector element; `masking_2` G₂, the share of those facets that source and detector both see, with
+
+    Returns `brdf (theta_i, detector, wavelength)` and its parts over (theta_i, detector): `ndf` D at the half vector,
+    the mean over the detector element; `masking_2` G₂, the share of those facets that source and detector both see, with
     standard error (NaN where no facet reflects into the element); `fresnel` F at the half vector. `brdf_uncorrelated`
     has G₁(θ_i) G₁(θ_o) of all facets in place of G₂, as common models do; `brdf_unmasked` has G₂ = 1.
     """

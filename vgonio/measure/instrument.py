@@ -37,8 +37,8 @@ class Instrument:
 
     aperture_deg, divergence_deg : full angles of the cones of detector and source;  bandwidth_nm : full width at half
     maximum of the spectrometer's Gaussian line;  tilt : out of the plane
-    spot_mm : diameter of what the detector sees at θ_o = 0;  beam_mm : diameter of the collimated beam;  sample_mm :
-    diameter of the sample
+    spot_mm : diameter of what the detector sees at θ_o = 0;  beam_mm : diameter of the collimated beam
+    sample_mm : diameter of the sample
     spectrometer, repeatability_deg : noise of the counts and of the angles
     """
 
@@ -73,9 +73,11 @@ class Instrument:
         """The BRDF as this instrument sees it without noise, in plane: brdf (theta_i, theta_o, wavelength), sr⁻¹.
 
         brdf : known everywhere, or a dataset whose azimuths `fill` says (`measure.isotropic.isotropic`); what a dataset
-        was averaged over already stays in it;  theta_i_deg, theta_o_deg : by default those of an in-plane dataset
-        f cos θ_i cos θ_o is averaged over both cones (the parts above the horizon) and divided by the average of
-        cos θ_i cos θ_o; `lit` (theta_i, theta_o) is the share of the spot that is lit and on the sample, and scales
+            was averaged over already stays in it
+        theta_i_deg, theta_o_deg : by default those of an in-plane dataset
+
+        The product f cos θ_i cos θ_o is averaged over both cones (the parts above the horizon) and divided by the average
+        of cos θ_i cos θ_o; `lit` (theta_i, theta_o) is the share of the spot that is lit and on the sample, and scales
         the values. Raises InputError for angles outside −90 … 90°.
         """
         if isinstance(brdf, xr.Dataset):
