@@ -288,7 +288,7 @@ def test_strips_of_the_light_weigh_as_their_irradiance(angle):
     """Against the polygon formula for a small square in the middle of each strip: the light's cosine counts as well."""
     box = Box()
     theta_i, _, weight = comparison.direct_pairs(box, angle)
-    normal = closed_forms.sample_frame(box, angle)[2]
+    normal = closed_forms.sample_frame(angle)[2]
     height = box.size_mm[2] - box.sample_at_mm[2]
     corners = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
     y = height * np.tan(np.radians(theta_i - angle))

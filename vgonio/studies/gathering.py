@@ -20,7 +20,7 @@ VAGUE = {"name", "file", "kind", "format", "theory", "method", "level", "tol", "
 # what the results themselves name so: rays, windows, fresnel, …
 TAKEN = {*COORDINATES, *VARIABLES, "point", "state", "reason", "seconds"}
 LARGEST = 4e9  # bytes: beyond it the one dataset is for a computer with more memory, the points are there one by one
-STATES = ("done", "failed", "not computed")
+STATES = ("done", "failed", "not computed")  # of a point, by number
 
 
 def gather(study: Study, store: Store) -> xr.DataTree:
@@ -41,7 +41,7 @@ def gather(study: Study, store: Store) -> xr.DataTree:
         coords=coords,
         attrs={"title": study.title, "vary": json.dumps(dict(study.vary)), "scene": study.scene.to_json()},
     )
-    root["state"].attrs = {"units": "1", "long_name": "0 done, 1 failed, 2 not computed"}
+    root["state"].attrs = {"units": "1", "long_name": ", ".join(f"{n} {s}" for n, s in enumerate(STATES))}
     root["reason"].attrs = {"units": "", "long_name": "why a point failed"}
     files = [store.result(p[2]) if p[0] == 0 else None for p in points]
     groups = _filled(files, dims, shape, coords)

@@ -43,7 +43,7 @@ def _above_horizon(v: Floats, n: Floats) -> Floats:
     return np.array(kept).reshape(-1, 3)
 
 
-def sample_frame(box: Box, angle_deg: float) -> tuple[Floats, Floats, Floats]:
+def sample_frame(angle_deg: float) -> tuple[Floats, Floats, Floats]:
     """Unit vectors of the sample: along x, up its slope, and its normal."""
     b = np.radians(angle_deg)
     return np.array([1.0, 0, 0]), np.array([0, np.cos(b), np.sin(b)]), np.array([0, -np.sin(b), np.cos(b)])
@@ -51,7 +51,7 @@ def sample_frame(box: Box, angle_deg: float) -> tuple[Floats, Floats, Floats]:
 
 def field_points(box: Box, angle_deg: float, count: int = 10) -> Floats:
     """(count², 3) points of the sample that the field of view covers evenly, in mm."""
-    along, up, normal = sample_frame(box, angle_deg)
+    along, up, normal = sample_frame(angle_deg)
     at = np.array(box.sample_at_mm)
     eye = at + [box.instrument_offset_mm[0], -box.distance_mm, box.instrument_offset_mm[1]]
     forward = (at - eye) / np.linalg.norm(at - eye)
@@ -65,7 +65,7 @@ def field_points(box: Box, angle_deg: float, count: int = 10) -> Floats:
 
 def direct_irradiance(box: Box, angle_deg: float, light: ArrayLike) -> Floats:
     """Mean direct irradiance (n_λ,) over the field of view, from the light's radiances (n points, n_λ)."""
-    _, _, normal = sample_frame(box, angle_deg)
+    _, _, normal = sample_frame(angle_deg)
     half = np.array(box.light_mm) / np.array(box.light_points) / 2
     z = box.size_mm[2] - GAP_MM
     points = field_points(box, angle_deg)

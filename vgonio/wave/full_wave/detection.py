@@ -25,7 +25,7 @@ def element_means(detector: Detector, sign: float, k: float, taper: float, p: De
     rate : phase (rad) that p may turn over a unit of s_x
     """
     if detector.kind == "hemisphere":
-        return _cells(detector, sign, p, rate)
+        return _cells(detector, p, rate)
     sine, weight, element = _cone_nodes(detector, sign, rate)
     values = p(sine)
     count = len(detector)
@@ -55,7 +55,7 @@ def _cone_nodes(detector: Detector, sign: float, rate: float) -> tuple[Floats, F
     return s[up], w[up], e[up]
 
 
-def _cells(detector: Detector, sign: float, p: Density, rate: float) -> tuple[Floats, Floats]:
+def _cells(detector: Detector, p: Density, rate: float) -> tuple[Floats, Floats]:
     t, w = composite(64 + 1.5 * rate + 4 * len(detector.ring_cells))
     sine, weight = np.sin(t * np.pi / 2), w * np.pi / 2 * np.cos(t * np.pi / 2)
     direction = np.stack([sine, np.zeros_like(sine), np.sqrt(np.maximum(1 - sine**2, 0))], axis=1)

@@ -22,7 +22,6 @@ from .pair_reference import seen_from
 from .pairs import Grid, reflect_blocks, reflect_opencl
 
 MOST_POINTS = 1_100_000  # of one patch, 80 µm at λ/7: 4 to 10 minutes for each reflection on two cores
-FLAT = 1e9  # stands for a horizon that is not there
 CHECKED = (8, 400)  # points, and pairs of each, on which the rule of sight is compared with a march along the line
 
 
