@@ -265,7 +265,17 @@ def test_a_result_compared_with_itself_does_not_differ(result, capsys):
     figures = {r["quantity"]: r["value"] for r in rows if " and " in r["of"]}
     assert figures["values compared"] == 2 * 6 * 4
     assert figures["RMSE of the BRDF"] == 0
-    assert figures["largest dE00"] == 0
+    assert figures["largest dE00, with brightness, Y = 50"] == 0
+    assert figures["mean dE00, colour alone"] == 0
+
+
+def test_the_colour_alone_is_the_number_of_the_verdict_and_named_apart(result, capsys):
+    assert main(["compare", f"{result}:rays", f"{result}:waves", "--json"]) == 0
+    figures = {r["quantity"]: r["value"] for r in json.loads(capsys.readouterr().out) if " and " in r["of"]}
+    verdict = str(vg.open(result).vgonio.verdict())
+    said = float(" ".join(verdict.split()).split("Mean ΔE₀₀ of the colour alone ")[1].split()[0].rstrip("."))
+    assert said == pytest.approx(figures["mean dE00, colour alone"], rel=0.06)  # two digits are printed
+    assert figures["mean dE00, with brightness, Y = 50"] != pytest.approx(said, rel=0.1)
 
 
 @pytest.mark.parametrize(("suffix", "words"), [(":rays", "at least two"), (":ray", "did you mean 'rays'")])

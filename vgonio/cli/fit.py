@@ -200,7 +200,7 @@ def _shift_rows(
             rows += [row("two shifts r2", float(two["r2"])), row("two shifts AIC", two.attrs["aic"])]
         for kind, found in (("local", local), ("global", one)):
             difference = delta_e_2000(data, fitted_spectra(data, found), "normalised", wavelength_n)
-            rows.append(row(f"mean dE00 of the {kind} shift", float(difference.mean())))
+            rows.append(row(f"mean dE00 of the {kind} shift, colour alone", float(difference.mean())))
     except VgonioError as e:
         rows.append(row("left out", None, str(e)))
     return rows

@@ -52,7 +52,7 @@ def compare(
     reflector = None if material == "none" else material
     with busy("comparing"):
         comparison = run(data, reference=reference, material=reflector)
-        rows = summary(comparison)
+        rows = _with_colour_alone(summary(comparison), data)
     with busy("appearance"):
         looks = [row for name, found in data.items() for row in _appearance(name, found)]
     with busy("shares of the shift"):
@@ -68,6 +68,24 @@ def compare(
         print_table("Explained share of the reference's shift", list(shares[0]), [list(r.values()) for r in shares])
     if figures is not None and (figures / "explained.png").is_file():
         say(f"figure: {figures / 'explained.png'}")
+
+
+def _with_colour_alone(rows: list[dict[str, Any]], data: dict[str, Any]) -> list[dict[str, Any]]:
+    """Below each pair's colour difference with brightness that of the colour alone, as the page's verdict has it."""
+    from ..compare.colour import SCALE_WORDS
+    from ..report.quantities import colour_difference
+
+    pairs = {f"{a} and {b}": (data[b], data[a]) for a in data for b in data if a != b}
+    found = []
+    for row in rows:
+        found.append(row)
+        if row["quantity"].startswith("largest dE00"):
+            try:
+                value = float(colour_difference(*pairs[row["of"]], "normalised").mean())
+            except (VgonioError, KeyError):  # no 600 nm among the wavelengths, or a name that was made anew
+                continue
+            found.append({**row, "quantity": f"mean dE00, {SCALE_WORDS['normalised']}", "value": value})
+    return found
 
 
 def _appearance(name: str, data: Any) -> list[dict[str, Any]]:

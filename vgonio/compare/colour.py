@@ -27,6 +27,8 @@ from .metrics import align, interpolate_wavelength, labelled
 Floats = NDArray[np.float64]
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 SCALES = ("reference-Y50", "absolute", "normalised")
+# how a number of each is named: they differ by much, since brightness counts in the first two
+SCALE_WORDS = {"reference-Y50": "with brightness, Y = 50", "absolute": "with brightness", "normalised": "colour alone"}
 # shares of the weight of X, Y, Z that may lie beyond the ends of a spectrum; more is refused
 LARGEST_SHARE_OUTSIDE = np.array([0.5, 0.1, 0.5])
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from .colour import SCALE_WORDS, SCALES
 from .significance import NO_SHIFT, is_shift
 
 Row = dict[str, Any]
@@ -26,7 +27,8 @@ def summary(comparison: xr.Dataset) -> list[Row]:
 
     Values are numbers, None where there is none (NaN); the last rows say what was skipped, value None, reason in unit.
     """
-    rows = [row for pair in _names(comparison, "pair") for row in _pair_rows(pair, comparison.sel(pair=pair))]
+    scale = str(comparison.attrs.get("delta_e_scale", SCALES[0]))
+    rows = [row for pair in _names(comparison, "pair") for row in _pair_rows(pair, comparison.sel(pair=pair), scale)]
     for result in _names(comparison, "result"):
         rows += _result_rows(result, comparison.sel(result=result))
     for part, reason in json.loads(comparison.attrs.get("skipped", "{}")).items():
@@ -46,7 +48,7 @@ def _number(value: Any) -> float | None:
     return None if value is None or not np.isfinite(value) else float(value)
 
 
-def _pair_rows(pair: str, data: xr.Dataset) -> list[Row]:
+def _pair_rows(pair: str, data: xr.Dataset, scale: str) -> list[Row]:
     rows = [
         _row(pair, "NRMSE of the BRDF", data["nrmse"], "1"),
         _row(pair, "RMSE of the BRDF", data["rmse"], "sr-1"),
@@ -56,9 +58,10 @@ def _pair_rows(pair: str, data: xr.Dataset) -> list[Row]:
         difference = data["delta_e_2000"].values
         difference = difference[np.isfinite(difference)]
         if difference.size:
-            rows.append(_row(pair, "mean colour difference dE00", difference.mean(), "1"))
-            rows.append(_row(pair, "95th percentile of dE00", np.percentile(difference, 95), "1"))
-            rows.append(_row(pair, "largest dE00", difference.max(), "1"))
+            shown = SCALE_WORDS[scale]
+            rows.append(_row(pair, f"mean dE00, {shown}", difference.mean(), "1"))
+            rows.append(_row(pair, f"95th percentile of dE00, {shown}", np.percentile(difference, 95), "1"))
+            rows.append(_row(pair, f"largest dE00, {shown}", difference.max(), "1"))
     return rows
 
 

@@ -191,14 +191,17 @@ def agreement_section(
         shares = [percent(x) for x in (pair.nrmse, pair.noise, pair.median, pair.within)]
         rows.append((name, *shares, *delta, str(pair.directions)))
     words = (
-        "Pair|NRMSE|of noise alone|Median difference|Within 10 %|Mean ΔE₀₀, Y = 50|Mean ΔE₀₀, colour only|Directions"
+        "Pair|NRMSE|of noise alone|Median difference|Within 10 %|"
+        "Mean ΔE₀₀, with brightness, Y = 50|Mean ΔE₀₀, colour alone|Directions"
     )
     head = tuple(words.split("|"))
     made.tables.append(Table(head, rows, numeric=tuple(range(1, len(head)))))
     made.text.append(
         "NRMSE is the root mean square of the difference over the mean of the second result, over all common "
         "directions and wavelengths; beside it, what the standard errors alone would give. Median difference and the "
-        "share within 10 % count the directions where the second result exceeds 10⁻³ of its largest value."
+        "share within 10 % count the directions where the second result exceeds 10⁻³ of its largest value. With "
+        "brightness both are shown times the factor that brings the second one's Y to 50, of all directions; the "
+        "colour alone is that of spectra over their value at 600 nm, where both exceed 10⁻³ of their largest value."
     )
     return made
 

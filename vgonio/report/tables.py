@@ -82,6 +82,15 @@ def time_text(seconds: Any) -> str:
     return "–" if seconds in (None, "") else f"{float(seconds):.{2 if float(seconds) < 9.995 else 1}f}"
 
 
+def _estimate(attrs: Mapping[Any, Any]) -> str:
+    """How the error was found; over a hemisphere also what the size of its cells does to the brightest."""
+    said = str(first(attrs, "error_estimate", "error_estimated", default="–"))
+    cells = attrs.get("cell_error")
+    if cells is None:
+        return said
+    return f"{said}; beside it, cells as wide as these misjudge the brightest by up to {percent(float(cells), 2)}"
+
+
 def errors_and_seconds(results: Mapping[str, xr.Dataset], seconds: Mapping[str, float]) -> Table:
     """Error and seconds of every part on one line, the error with how it was estimated."""
     head = ("Part", "Made by", "Standard error, median", "Error asked", "achieved", "estimated from", "Seconds", "Seed")
@@ -97,7 +106,7 @@ def errors_and_seconds(results: Mapping[str, xr.Dataset], seconds: Mapping[str, 
                 percent(q.relative_error(data)),
                 number(first(a, "tolerance_asked", "tolerance", "tol"), 2),
                 number(first(a, "error_achieved", "error"), 2),
-                str(first(a, "error_estimate", "error_estimated", default="–")),
+                _estimate(a),
                 time_text(first(a, "seconds", default=seconds.get(name))),
                 whole(first(a, "seed")),
             )

@@ -198,7 +198,7 @@ def agreement_of(
     """One pair as a card and a sentence."""
     a, b = pair.names
     first_one, second = q.title(a, results[a]), q.in_words(b, results[b])
-    delta = f", mean ΔE₀₀ {number(colour[f'{a} and {b}'], 2)}" if f"{a} and {b}" in colour else ""
+    delta = f", mean ΔE₀₀ of the colour alone {number(colour[f'{a} and {b}'], 2)}" if f"{a} and {b}" in colour else ""
     note = f"NRMSE {percent(pair.nrmse)}{delta}"
     made.cards.append(Card(f"{first_one} against {second}, median difference", percent(pair.median), note))
     sides = ""
@@ -211,7 +211,7 @@ def agreement_of(
     made.add(
         f"{first_one} and {second} differ by {percent(pair.median)} in the median{sides}. NRMSE, which the brightest "
         "directions rule: "
-        f"{percent(pair.nrmse)}{noise}.{delta[1:].replace(' mean', ' Mean') + ', colour alone.' if delta else ''}"
+        f"{percent(pair.nrmse)}{noise}.{delta[1:].replace(' mean', ' Mean') + '.' if delta else ''}"
     )
 
 
