@@ -17,17 +17,19 @@ CITED = re.compile(rf"\b({NAME})(?:'s)?((?: et al\.?| and {NAME}|, {NAME} and {N
 
 
 # one letter, Latin or Greek, with an index of up to three: θ_i, k_d, f_ref; no names such as s_um, no file names
-SYMBOL = re.compile(r"(?<![\w`.])(d?[A-Za-zα-ωΑ-Ω])_(?!um\b|nm\b|deg\b)([a-zA-Z0-9]{1,3})(?!\w|\.\w)")
+SYMBOL = re.compile(r"(?<![\w`.])(d?[A-Za-zα-ωΑ-Ω])_(?!um\b|nm\b|deg\b)([a-zA-Z0-9]{1,3})(?![A-Za-z0-9_]|\.[A-Za-z])")
 
 
-# a number and its unit stay on one line
+# 5.6e-7 as it is written by hand, and on one line with its unit
+POWER = re.compile(r"(?<=\d)e-(\d+)(?!\w)")
+RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 UNIT = re.compile(r"(?<=\d) (?=(?:%|°|(?:nm|µm|mm|GB|MB|ms|s)\b))")
 
 
 def symbols(text: str) -> list[str]:
     """The text cut at the indices of its symbols: "cos θ_i/2" → ["cos θ", "i", "/2"]; every second part is an index.
-    Between a number and its unit the space becomes one that does not break."""
-    text = UNIT.sub("\u00a0", text)
+    Between a number and its unit the space becomes one that does not break, and 5e-7 becomes 5·10⁻⁷."""
+    text = POWER.sub(lambda m: f"·10⁻{m[1].lstrip('0').translate(RAISED)}", UNIT.sub("\u00a0", text))
     parts, end = [], 0
     for found in SYMBOL.finditer(text):
         parts += [text[end : found.end(1)], found[2]]

@@ -151,6 +151,7 @@ def test_symbols_get_their_indices() -> None:
     for name in ("s_um", "theta_i", "k_nm", "x_axis", "file_a.csv"):
         assert symbols(name) == [name]
     assert symbols("5 % of 3 samples") == ["5\u00a0% of 3 samples"]
+    assert symbols("R_s² below 5.6e-17") == ["R", "s", "² below 5.6·10⁻¹⁷"]
 
 
 def test_no_line_is_lost_as_a_comment() -> None:

@@ -147,9 +147,10 @@ def prediction(
     incoming, detector : as a Gonioreflectometer has them;  points : per detector element
 
     Returns `brdf (theta_i, detector, wavelength)` and its parts over (theta_i, detector): `ndf` D at the half vector,
-    the mean over the detector element; `masking_2` G₂, the share of those facets that source and detector both see, with
-    standard error (NaN where no facet reflects into the element); `fresnel` F at the half vector. `brdf_uncorrelated`
-    has G₁(θ_i) G₁(θ_o) of all facets in place of G₂, as common models do; `brdf_unmasked` has G₂ = 1.
+    the mean over the detector element; `masking_2` G₂, the share of those facets that source and detector both see,
+    with standard error (NaN where no facet reflects into the element); `fresnel` F at the half vector.
+    `brdf_uncorrelated` has G₁(θ_i) G₁(θ_o) of all facets in place of G₂, as common models do;
+    `brdf_unmasked` has G₂ = 1.
     """
     wavelengths = wavelength_list(wavelength_nm)
     made = named_material(material)

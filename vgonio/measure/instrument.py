@@ -76,9 +76,9 @@ class Instrument:
             was averaged over already stays in it
         theta_i_deg, theta_o_deg : by default those of an in-plane dataset
 
-        The product f cos θ_i cos θ_o is averaged over both cones (the parts above the horizon) and divided by the average
-        of cos θ_i cos θ_o; `lit` (theta_i, theta_o) is the share of the spot that is lit and on the sample, and scales
-        the values. Raises InputError for angles outside −90 … 90°.
+        The product f cos θ_i cos θ_o is averaged over both cones (the parts above the horizon) and divided by the
+        average of cos θ_i cos θ_o; `lit` (theta_i, theta_o) is the share of the spot that is lit and on the sample, and
+        scales the values. Raises InputError for angles outside −90 … 90°.
         """
         if isinstance(brdf, xr.Dataset):
             flat = "theta_o" in brdf["brdf"].dims
