@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from ..render.normbox.comparison import LARGEST_SMALL_ANGLE
-from ..render.normbox.validation import group
+from ..render.normbox.verdict import group
 from .style import FURTHER_COLOURS, GRID, INK, MUTED, new_figure, some, styled
 
 if TYPE_CHECKING:

@@ -22,12 +22,13 @@ from ..appearance import Appearance, of_fit
 from ..variants import choose, use
 from . import virtual
 from .box import Box
-from .comparison import LARGEST_SMALL_ANGLE, compare, correlations
+from .comparison import compare
 from .error_model import Fitted, error_model, regressed
 from .error_path import error_path, perturbed_once, sizes
 from .inputs import GroundTruth, common_wavelengths, in_plane, read_ground_truth
 from .predict import Job, direct_part, label_radiance, predict
 from .settings import Settings, fit_choice
+from .verdict import group, spectral_correlation, verdict
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -83,7 +84,7 @@ def validate(settings: Settings, parts: Path | None = None, progress: Progress |
         reference = label_radiance(at_all.to_dataset(name="radiance"))
     jobs = {f.name: _with(base, f, numbers) for f in fits}
     for name, job in jobs.items():
-        made = _timed(seconds, name, partial(_predicted, mi, job, parts), say)
+        made = _timed(seconds, name, partial(predict, mi, job, parts), say)
         tree[group(name)] = xr.DataTree(xr.merge([made, compare(reference["radiance"], made["radiance"])]))
     plain = fits[0]
     direct = _timed(seconds, "direct", lambda p: direct_part(mi, jobs[plain.name], parts, p), say)
@@ -108,14 +109,6 @@ def validate(settings: Settings, parts: Path | None = None, progress: Progress |
     }
     tree.attrs["verdict"] = json.dumps(verdict(tree))
     return tree
-
-
-def _predicted(mi: Any, job: Job, parts: Path | None, progress: Any) -> xr.Dataset:
-    return predict(mi, job, parts, progress)
-
-
-def group(model: str) -> str:
-    return f"predicted_{model}"
 
 
 def _timed(seconds: dict[str, float], part: str, work: Callable[[Any], Any], say: Progress) -> Any:
@@ -205,83 +198,9 @@ def _model(tree: xr.DataTree, plain: Fits, numbers: tuple[int, ...], box: Box) -
     return made
 
 
-def spectral_correlation(predicted: xr.DataArray, fit: xr.DataArray) -> float:
-    """Mean over patches and small angles of the correlation of NSE_pred(λ) with NSE_fit(λ) (thesis figure 3.8)."""
-    small = predicted["angle"].values <= LARGEST_SMALL_ANGLE
-    both = zip(*(x.values[:, small].reshape(-1, x.sizes["wavelength"]) for x in (predicted, fit)))
-    found = [_correlation(a, b) for a, b in both if np.isfinite(a).all() and np.isfinite(b).all()]
-    return float(np.nanmean(found)) if found and np.isfinite(found).any() else float("nan")
-
-
 def _path(mi: Any, settings: Settings, truth: GroundTruth, fits: Fits, progress: Any) -> xr.Dataset:
     e = settings.errors
     numbers = tuple(n for n in e.patches if n in settings.render.patches) or settings.render.patches[:1]
     base = _job(settings, truth, common_wavelengths(truth, e.wavelengths))
     job = replace(_with(base, fits, numbers), angles_deg=e.angles_deg, samples=e.samples)
     return error_path(mi, job, e, progress)
-
-
-def verdict(tree: xr.DataTree) -> dict[str, Any]:
-    """The figures of a validation.
-
-    models : NRMSE (mean of all, of small and of large angles), mean ΔE₀₀ and ΔE₇₆, correlations of each;
-    removed : share of the first model's mean square NRMSE that each further model removes;
-    modelled : mean NRMSE of the two-term model, its correlation with what was found, and the regressed terms;
-    path : mean of the combined sources of error, the largest of them (without the fits);
-    virtual only: fit : NRMSE of each model against the prediction with true BRDFs, `fit_share` its share of the mean
-    square NRMSE, noise : that of the true prediction against the reference
-    """
-    names = json.loads(tree.attrs["models"])
-    sets = {n: tree[group(n)].to_dataset() for n in names}
-    found: dict[str, Any] = {"models": {n: _figures(d) for n, d in sets.items()}}
-    squares = {n: float((d["nrmse"] ** 2).mean()) for n, d in sets.items()}
-    found["removed"] = {n: 1 - squares[n] / squares[names[0]] for n in names[1:]}
-    model = tree["error_model"].to_dataset()
-    observed = sets[names[0]]["nrmse"].values.ravel()
-    found["modelled"] = {
-        "nrmse": float(model["modelled_nrmse"].mean()),
-        "correlation": _correlation(observed, model["modelled_nrmse"].values.ravel()),
-        "spectral_correlation": float(model.attrs["spectral_correlation"]),
-        **json.loads(model.attrs["regressed"]),
-    }
-    if "error_path" in tree.children:
-        path = tree["error_path"].to_dataset()
-        each = np.sqrt((path["deviation"].values ** 2).mean(axis=(1, 2)))
-        small = path["angle"].values <= LARGEST_SMALL_ANGLE
-        squared = path["combined"].values ** 2
-        found["path"] = {
-            "combined": float(np.sqrt(squared.mean())),
-            "combined_small": _root_mean(squared[:, small]),
-            "combined_large": _root_mean(squared[:, ~small]),
-            "sources": {str(n): float(x) for n, x in zip(path["source"].values, each)},
-        }
-    if "true" in tree.children:
-        true, reference = (tree[g].to_dataset()["radiance"] for g in ("true", "reference"))
-        fit = {n: float((compare(true, d["radiance"])["nrmse"] ** 2).mean()) for n, d in sets.items()}
-        found["fit"] = {n: float(np.sqrt(x)) for n, x in fit.items()}
-        found["fit_share"] = {n: min(1.0, fit[n] / squares[n]) for n in names}
-        found["noise"] = float(np.sqrt((compare(reference, true)["nrmse"] ** 2).mean()))
-    return found
-
-
-def _figures(data: xr.Dataset) -> dict[str, Any]:
-    small = data["angle"] <= LARGEST_SMALL_ANGLE
-    return {
-        "nrmse": float(data["nrmse"].mean()),
-        "nrmse_rms": float(np.sqrt((data["nrmse"] ** 2).mean())),
-        "nrmse_rms_small": float(np.sqrt((data["nrmse"].where(small) ** 2).mean())),
-        "nrmse_rms_large": float(np.sqrt((data["nrmse"].where(~small) ** 2).mean())),
-        "nrmse_small": float(data["nrmse"].where(small).mean()),
-        "nrmse_large": float(data["nrmse"].where(~small).mean()),
-        "delta_e_2000": float(data["delta_e_2000"].mean()),
-        "delta_e_1976": float(data["delta_e_1976"].mean()),
-        "correlations": correlations(data),
-    }
-
-
-def _root_mean(squares: Floats) -> float:
-    return float(np.sqrt(squares.mean())) if squares.size else float("nan")
-
-
-def _correlation(x: Any, y: Any) -> float:
-    return float(np.corrcoef(x, y)[0, 1]) if x.size > 2 and np.ptp(x) > 0 and np.ptp(y) > 0 else float("nan")
