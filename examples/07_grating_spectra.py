@@ -2,16 +2,17 @@
 
     python examples/07_grating_spectra.py [-o docs/grating_spectra.png]
 
-Light at normal incidence leaves a grating of spacing d in its first order at sin θ = λ/d. A detector sees a bin of 1°:
-of many gratings, those whose order falls into it, each counted once (as in the thesis: equal efficiency for all). The
-spectra are lines over λ, but which lines depends on how the spacings are spread:
+Light at normal incidence leaves a grating of spacing d in its first order at sin θ = λ/d. A detector sees a bin of 1°.
+Of many gratings it sees those whose order falls into the bin, and each is counted once (as in the thesis, with equal
+efficiency for all). Whether the resulting spectra rise or fall depends on how the spacings are distributed:
 
 - evenly in d: the spacings λ/sin θ that serve a bin cover a range ∝ λ, so spectra rise with λ;
-- evenly in 1/d (spatial frequency, as a spectral density is written): the range of sin θ/λ is ∝ 1/λ, they fall.
+- evenly in 1/d (spatial frequency, the variable of a spectral density): the range of sin θ/λ is ∝ 1/λ, so they fall.
 
 Bins close to the mirror direction lack long wavelengths, because no grating is wider than the widest: there the slope
-is negative either way. Diffraction alone therefore does not say whether a surface shifts to red; its spectrum does.
-The power in an order, ∝ 1/λ² for shallow gratings, is left out here as in the thesis; times it, both kinds fall.
+is negative either way. Diffraction alone therefore does not decide whether a surface shifts to red; the distribution
+of its spacings does. The power in an order, ∝ 1/λ² for shallow gratings, is left out here as in the thesis. Multiplied
+by it, both kinds of spectra fall.
 """
 
 from __future__ import annotations

@@ -2,8 +2,9 @@
 
     python examples/08_slightly_rough.py [-o docs/slightly_rough.png]
 
-All of them are a factor times the surface's spectral density at q, so the surface does not matter; the figure and the
-table show the factors, each over that of Rayleigh–Rice for s on a perfect conductor.
+Each theory gives a factor times the spectral density of the surface at q, so that the surface itself does not matter.
+The figure and the table show the factors, each divided by that of Rayleigh–Rice for s on a perfect conductor. The
+theories are explained in docs/trust.md.
 """
 
 from __future__ import annotations

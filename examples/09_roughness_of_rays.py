@@ -4,9 +4,10 @@
 
 For samples 1 to 6 (heightfields/, statistics-matched surrogates, no measurements): α of the slopes of the mesh (√2 ·
 one-axis RMS slope), α of GGX (Walter 2007) and of Beckmann fitted to the in-plane BRDF that rays give on aluminium,
-under the cost function of thesis 3.2. Beside them, where the folder of shared data is at hand, what the Rust tool
-vgonio fitted to the thesis' own samples (aluminium_fits/DERIVED_fitting_Latest.csv): to the normals of their height
-fields, to normalised simulations on these, and to measured BRDFs as they are and normalised.
+under the cost function of thesis 3.2. Beside them, where the folder of shared data is at hand (VGONIO_SHARED), stands
+what the earlier Rust tool of the same name fitted to the thesis' own samples (its file
+aluminium_fits/DERIVED_fitting_Latest.csv): to the normals of their height fields, to normalised simulations on these,
+and to measured BRDFs, as they are and normalised.
 """
 
 from __future__ import annotations

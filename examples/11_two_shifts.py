@@ -2,8 +2,8 @@
 
     python examples/11_two_shifts.py [--quick] [--rays 200000] [-o two_shifts.png]
 
-Spectra are synthetic, s (λ/λ_n)^a + (1 − s)(λ/λ_n)^−b with 1 % of noise: not the formula of either model. s is the
-share of single reflections.
+Spectra are synthetic, s (λ/λ_n)^a + (1 − s)(λ/λ_n)^−b with 1 % of noise, which is the formula of neither model. Here s
+is the share of single reflections. Three kinds of data:
 
 - "traced": a steep Gaussian surface is traced and s taken from its decomposition; b so that both shifts cancel on
   average at θ_i = 0. Multiple reflections come straight back: a valley at the source, as in thesis figure 4.11 a.

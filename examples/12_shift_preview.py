@@ -3,8 +3,8 @@
     python examples/12_shift_preview.py [--quick] [-o out] [--size 160]
 
 Three roughnesses of the thesis' blasted aluminium (α of samples 1, 3 and 5 from their height fields). The slope of the
-shift, h = 8·10⁻⁴ nm⁻¹ and w = 2.2, is an illustration: the thesis does not print its fitted values. Writes a figure for
-each roughness and checks what the figures have to show.
+shift, h = 8·10⁻⁴ nm⁻¹ and w = 2.2, is an illustration, because the thesis does not print its fitted values. Writes a
+figure for each roughness, and checks that the shift changes the colours as it has to.
 """
 
 from __future__ import annotations

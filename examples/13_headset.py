@@ -1,10 +1,10 @@
-"""A colour that arrives: a virtual headset is characterised, calibrated and verified as one would a real one.
+"""A virtual headset is characterised, calibrated and verified, as one would do with a real one and a spectrometer.
 
     python examples/13_headset.py [-o out]
 
 Two eyes, wide-gamut narrow bands, white and black of thesis table 5.1, with crosstalk, loading, drift and noise that
-make a mean model error of 0.5. Writes readings, ICC profiles, 3-D LUTs, the page display.html and the picture of figure
-5.5. The only thing that a real headset changes: `measure` is a person with a spectrometer.
+make the display model wrong by a mean ΔE₀₀ of 0.5. Writes readings, ICC profiles, 3-D LUTs, the page display.html and a
+picture like thesis figure 5.5. With a real headset only `measure` changes: it is a person with a spectrometer.
 """
 
 from __future__ import annotations
