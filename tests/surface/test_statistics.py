@@ -81,6 +81,19 @@ def test_missing_points_are_left_out(rng):
         assert holed[key] == pytest.approx(full[key], rel=0.01), key  # 2 % of the points, at random
 
 
+def test_slopes_beside_missing_points_know_both_pitches():
+    """Central differences are exact for z = 3 x − 2 y + x y at the sample, NaN beside the hole and at the ends."""
+    y, x = (np.arange(6) * 0.5)[:, None], (np.arange(8) * 0.2)[None]
+    z = 3 * x - 2 * y + x * y
+    z[2, 4] = np.nan
+    zx, zy = slopes(sf.Heightfield(z, (0.5, 0.2)))
+    known = np.isfinite(zx)
+    assert (~known[:, [0, -1]]).all()
+    assert list(np.flatnonzero(~known[2, 1:-1]) + 1) == [3, 5]
+    np.testing.assert_allclose(zx[known], (3 + y + 0 * x)[known], rtol=1e-12)
+    np.testing.assert_allclose(zy[np.isfinite(zy)], (x - 2 + 0 * y)[np.isfinite(zy)], rtol=1e-11)
+
+
 def test_profile_of_one_row():
     p = sf.parameters(sf.sinusoid(4.0, 0.3, (1, 400), 0.1))
     assert p["Sal"] == pytest.approx(sf.parameters(WAVE)["Sal"], rel=1e-9)
@@ -124,7 +137,7 @@ def test_autocorrelation_of_a_gaussian_surface_in_the_mean():
 
 
 # ---- PSD
-@pytest.mark.parametrize("shape", [(32, 48), (33, 47), (1, 64), (64, 1)])
+@pytest.mark.parametrize("shape", [(32, 48), (33, 47), (80, 16), (1, 64), (64, 1)])
 @pytest.mark.parametrize("periodic", [True, False])
 def test_parseval(rng, shape, periodic, agreement):
     f = sf.Heightfield(rng.normal(size=shape), (0.5, 0.25), periodic=periodic)

@@ -8,7 +8,7 @@ import pytest
 import vgonio as vg
 from vgonio.materials import fresnel
 from vgonio.wave import FullWave, Kirchhoff
-from vgonio.wave.full_wave import beam, kernels, scatter_profile
+from vgonio.wave.full_wave import beam, kernels, scatter_profile, windows
 
 
 def rough(rms: float, correlation: float, seed: int, length: float = 40.0, n: int = 800):
@@ -134,14 +134,21 @@ def test_polarisation_follows_the_light():
     assert list(found["s"].polarisation.values) == ["TE"]
 
 
-def test_windows_give_a_standard_error():
-    """Many windows along a profile: their spread; cells of a hemisphere hold the power that is reflected."""
+def test_windows_give_a_standard_error(monkeypatch):
+    """Many windows along a profile: their spread over the root of how many are independent; cells of a hemisphere hold
+    the power that is reflected."""
+    seen, detected = [], windows._detected
+    monkeypatch.setattr(windows, "_detected", lambda *a: seen.append(detected(*a)) or seen[-1])
     x, z = rough(0.1, 1.0, 7, 40.0, 400)
     row = vg.surface.Heightfield(z[None], pitch_um=0.1)
     gonio = vg.measure.Gonioreflectometer.hemisphere([0.0], resolution_deg=15.0, coherence_um=2.0)
     data = gonio.measure(row, FullWave("Al", [550.0]))
-    assert data.attrs["windows"] > 5
-    assert float(data.brdf_stderr.max()) > 0
+    assert (n := data.attrs["windows"]) > 5
+    independent = windows.centres(row, 2.0, None)[1]
+    assert independent < 0.9 * n
+    te_tm = np.array([brdf for brdf, _ in seen[-2 * n :]]).reshape(n, 2, -1)
+    variance = (te_tm.var(axis=0, ddof=1) / independent).mean(axis=0)  # TE and TM see the same windows: no √2 less
+    np.testing.assert_allclose(data.brdf_stderr.values.ravel(), np.sqrt(variance), rtol=1e-6, atol=1e-12)
     caught = float((data.brdf.squeeze() * gonio.detector.projected_solid_angle).sum())
     assert caught == pytest.approx(float(data.energy_reflected.squeeze()), rel=1e-3)
 
