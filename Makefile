@@ -13,7 +13,7 @@ help:
 	@echo "make demo       simulate examples/demo/scene.toml and write out/demo.html"
 	@echo "make test       run the tests"
 	@echo "make validated  write what the tests found into docs/validated_table.md and README.md"
-	@echo "make check      lint, formatting, types, import rule, structure"
+	@echo "make check      lint, formatting, types, import rule, structure, names"
 	@echo "make docs       write the pages of docs/ as out/docs/index.html; a warning is an error"
 	@echo "make notebooks  make notebooks/ again from the scripts of examples/, executed"
 	@echo "make format     put the formatting right"
@@ -49,7 +49,7 @@ check: $(VENV)/dev.stamp
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest -q tests/test_imports.py tests/test_structure.py
+	$(BIN)/python -m pytest -q tests/test_imports.py tests/test_structure.py tests/test_names.py
 
 docs: $(VENV)/dev.stamp
 	$(BIN)/sphinx-build -W --keep-going -n -q -d out/doctrees docs out/docs

@@ -24,32 +24,34 @@ POLARISATIONS = ("unpolarised", "s", "p")
 
 def angle_list(values: ArrayLike, name: str) -> Floats:
     """Angles in degrees as a (n,) array: not empty, finite, |θ| < 90°, none twice; InputError otherwise."""
-    try:
-        a = np.atleast_1d(np.asarray(list(values) if isinstance(values, range) else values, dtype=np.float64)).ravel()
-    except (TypeError, ValueError):
-        raise InputError(f"{name} has to be a number or a list of numbers in degrees, got {values!r}") from None
-    if a.size == 0:
-        raise InputError(f"{name} is empty: give at least one angle")
+    a = _numbers(values, name, "degrees", "angle")
     bad = a[~(np.abs(a) < 90.0)]
     if bad.size:
         raise InputError(f"{name} = {bad[0]:g}° is not allowed: angles lie within −90° < θ < 90° (exclusive)")
-    if np.unique(a).size != a.size:
-        raise InputError(f"{name} lists an angle twice: {a.tolist()}")
-    return a
+    return _distinct(a, name, "an angle")
 
 
 def wavelength_list(values: ArrayLike, name: str = "wavelength_nm") -> Floats:
     """Wavelengths in nm as a (n,) array: not empty, positive, none twice; InputError otherwise."""
+    a = _numbers(values, name, "nm", "wavelength")
+    if not np.all(np.isfinite(a) & (a > 0)):
+        raise InputError(f"{name} holds {a[~(np.isfinite(a) & (a > 0))][0]:g} nm: wavelengths are positive")
+    return _distinct(a, name, "a wavelength")
+
+
+def _numbers(values: ArrayLike, name: str, unit: str, one: str) -> Floats:
     try:
         a = np.atleast_1d(np.asarray(list(values) if isinstance(values, range) else values, dtype=np.float64)).ravel()
     except (TypeError, ValueError):
-        raise InputError(f"{name} has to be a number or a list of numbers in nm, got {values!r}") from None
+        raise InputError(f"{name} has to be a number or a list of numbers in {unit}, got {values!r}") from None
     if a.size == 0:
-        raise InputError(f"{name} is empty: give at least one wavelength")
-    if not np.all(np.isfinite(a) & (a > 0)):
-        raise InputError(f"{name} holds {a[~(np.isfinite(a) & (a > 0))][0]:g} nm: wavelengths are positive")
+        raise InputError(f"{name} is empty: give at least one {one}")
+    return a
+
+
+def _distinct(a: Floats, name: str, one: str) -> Floats:
     if np.unique(a).size != a.size:
-        raise InputError(f"{name} lists a wavelength twice: {a.tolist()}")
+        raise InputError(f"{name} lists {one} twice: {a.tolist()}")
     return a
 
 
