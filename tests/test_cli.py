@@ -259,6 +259,22 @@ def test_compare_groups_of_one_result(result, capsys):
     assert "rays" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("compare R:rays R:waves --material Alu", "unknown material 'Alu'"),
+        ("fit R:rays --material Alu", "unknown material 'Alu'"),
+        ("fit R:rays --scale absolut", "--scale absolut: did you mean 'absolute'?"),
+        ("fit R:rays --wavelength-n 0.6", "--wavelength-n 0.6: it is in nm, as 600"),
+    ],
+)
+def test_a_wrong_word_is_refused_and_is_no_row_of_the_table(result, capsys, words, said):
+    assert main([w.replace("R", str(result)) if w.startswith("R:") else w for w in words.split()]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert said in err
+
+
 def test_a_result_compared_with_itself_does_not_differ(result, capsys):
     assert main(["compare", f"{result}:rays", f"{result}:rays", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)

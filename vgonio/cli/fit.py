@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from ..errors import InputError, VgonioError
+from ..errors import InputError, VgonioError, nearest
 from .common import Json, Quiet, Threads, print_json, print_table, progress_bars, save_figure, say
-from .results import load_all, load_one
+from .results import known_material, load_all, load_one
 
 SHIFT_COLUMNS = ("of", "quantity", "value", "error", "unit")
 
@@ -70,7 +70,13 @@ def fit(
         return
     if not data:
         raise InputError("nothing to fit: give at least one measured BRDF or result, or --list for the models")
-    reflector = None if material == "none" else material
+    from ..compare.colour import SCALE_WORDS
+
+    reflector = known_material(material)
+    if scale not in SCALE_WORDS:
+        raise InputError(f"--scale {scale}: {nearest(scale, SCALE_WORDS)}")
+    if not 100 <= wavelength_n <= 100_000:
+        raise InputError(f"--wavelength-n {wavelength_n:g}: it is in nm, as 600")
     samples = load_all(data, one_point=True)
     traced = None if rays is None else _traced(rays)
     limits, number = _limits(wavelengths), _exponent(p)

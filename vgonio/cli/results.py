@@ -49,7 +49,7 @@ def compare(
     from ..compare import compare as run
     from ..compare import summary
 
-    reflector = None if material == "none" else material
+    reflector = known_material(material)
     with busy("comparing"):
         comparison = run(data, reference=reference, material=reflector)
         rows = _with_colour_alone(summary(comparison), data)
@@ -119,6 +119,16 @@ def _explained(data: dict[str, Any], reference: str, reflector: Any, figures: Pa
             {"of": str(name), "quantity": f"explained share ({text})", "value": share, "error": error, "unit": "1"}
         )
     return rows
+
+
+def known_material(name: str) -> str | None:
+    """The name, None for "none"; MaterialError for one that nobody knows, before any work and not as a row of it."""
+    if name == "none":
+        return None
+    from ..materials import material
+
+    material(name)
+    return name
 
 
 def load_all(files: list[Path], one_point: bool = False) -> dict[str, Any]:
