@@ -4,8 +4,8 @@ Pieces of rows of sample 1, with and without fine roughness, lit by the same tap
 the full wave, from iterated Kirchhoff with diffraction, from its tangent planes alone and from their single
 reflections, side by side. One file a piece in the folder given, pieces that are there are not computed again.
 
-    python examples/14_wavelength_shift/rigorous.py out/rigorous --rows 8 --fine-nm 0 10 20      # 20 minutes
-    python examples/14_wavelength_shift/rigorous.py --quick                                      # 10 s
+    python examples/14_wavelength_shift/rigorous.py out/rigorous --rows 4 --fine-nm 0 10      # 5 minutes
+    python examples/14_wavelength_shift/rigorous.py --quick                                   # 10 s
 """
 
 from __future__ import annotations

@@ -14,11 +14,12 @@ import warnings
 
 import numpy as np
 import xarray as xr
-from analyse import jackknife, side_slope
+from analyse import jackknife, side, slopes
 from simulate import GONIO, QUICK, QUICK_WAVELENGTHS, WAVELENGTHS, profile
 
 import vgonio as vg
 
+BRIGHT = 1e-2  # of the lobe's largest value
 WAYS = {"converged": ("cubic", None), "facets of 1 µm": ("linear", 1.0), "texels of 1 µm": ("nearest", 1.0)}
 
 
@@ -40,9 +41,12 @@ def error_of(brdf: xr.DataArray, converged: xr.DataArray) -> float:
 
 
 def forward(brdf: xr.DataArray) -> xr.DataArray:
-    """Slope of the light of the forward side for each θ_i."""
+    """Mean slope of the bright directions of the forward side for each θ_i, weighted with BRDF · cos θ_o."""
     angles = [t for t in (20.0, 40.0, 60.0) if t in brdf["theta_i"]]
-    found = [side_slope(brdf, theta_i, "forward", 1.0) for theta_i in angles]
+    light = brdf.mean("wavelength")
+    bright = light > BRIGHT * light.max("theta_o")
+    m, weight = slopes(brdf, 1.0).where(bright), light.where(bright, 0.0) * np.cos(np.deg2rad(brdf["theta_o"]))
+    found = [side(m, t, "forward").weighted(side(weight, t, "forward")).mean("theta_o") for t in angles]
     return xr.concat(found, xr.DataArray(angles, dims="theta_i", name="theta_i"))
 
 
