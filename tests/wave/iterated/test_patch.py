@@ -3,6 +3,7 @@ the solver of profiles, which shares no code with it beyond Fresnel's formulas."
 
 from __future__ import annotations
 
+import re
 import warnings
 
 import numpy as np
@@ -20,7 +21,7 @@ from vgonio.wave.iterated.choice import choose
 from vgonio.wave.iterated.far_waves import horizon_map
 from vgonio.wave.iterated.pair_reference import reflect_reference, seen_from
 from vgonio.wave.iterated.pairs import Grid, reflect_blocks, reflect_opencl
-from vgonio.wave.iterated.patch import Patch, first_fields
+from vgonio.wave.iterated.patch import MOST_POINTS, Patch, first_fields
 from vgonio.wave.iterated.place import Places
 
 
@@ -186,8 +187,6 @@ def test_gentle_patches_cost_one_reflection_and_bad_ones_are_refused():
     gonio = vg.measure.Gonioreflectometer([0], [0, 10], coherence_um=1)
     gentle = rough(0.05, 1.5, 40, 0.1)
     assert gonio.measure(gentle, IteratedKirchhoff("perfect", [500], window_um=4)).attrs["bounces_done"] == 1
-    with pytest.raises(ToleranceError, match="window_um"):
-        gonio.measure(rough(0.5, 10, 64, 2.0), IteratedKirchhoff("perfect", [500], window_um=128))
     for bad in ({"beam": "tapered"}, {"shadowing": False, "bounces": 1}):
         with pytest.raises(InputError):
             gonio.measure(gentle, IteratedKirchhoff("perfect", [500], window_um=4, **bad))
@@ -197,6 +196,22 @@ def test_gentle_patches_cost_one_reflection_and_bad_ones_are_refused():
     with pytest.raises(InputError, match="divergence"), warnings.catch_warnings():
         warnings.simplefilter("ignore", VgonioWarning)
         vg.measure.Gonioreflectometer([0], [0], divergence_deg=2).measure(gentle, IteratedKirchhoff("perfect", [500]))
+
+
+@pytest.mark.parametrize("wavelength", [500, 610, 777])
+def test_patches_of_too_many_points_are_refused_and_what_is_advised_is_not(wavelength):
+    """Memory is bounded by the number of points: 128 µm are refused at once, the side or the spacing named are not."""
+    surface, spacing = rough(0.5, 10, 64, 2.0), wavelength * 1e-3 / 7
+    gonio = vg.measure.Gonioreflectometer([0], [0, 10], coherence_um=1)
+    with pytest.raises(ToleranceError, match="points, at most 1.1e.06.*window_um ≤.*points_per_wavelength") as refused:
+        gonio.measure(surface, IteratedKirchhoff("perfect", [wavelength], window_um=128))
+    side, fewer = (float(n) for n in re.findall(r"≤ ([0-9.]+).* ([0-9.]+) times", str(refused.value))[0])
+
+    def points(side: float, spacing: float) -> int:
+        return Patch.of(surface, Window(side / 6, (side / 2, side / 2), (64, 64)), spacing, 0.0).grid.z.size
+
+    for allowed in (points(side, spacing), points(128, spacing * fewer)):
+        assert 0.95 * MOST_POINTS < allowed <= MOST_POINTS
 
 
 def test_turned_surface_and_turned_plane_of_incidence():

@@ -53,10 +53,11 @@ class Patch:
         side = 2 * window.half[0]
         count = int(np.ceil(side / spacing * (1 - 1e-9)))
         if count**2 > MOST_POINTS:
+            least = side / int(MOST_POINTS**0.5)
             raise ToleranceError(
                 f"a patch of {side:g} µm needs {count**2:.2g} points, at most {MOST_POINTS:.2g} (4 to 10 minutes "
-                f"for a reflection): take window_um ≤ {spacing * MOST_POINTS**0.5:.3g}, or fewer "
-                "points_per_wavelength"
+                f"for a reflection): take window_um ≤ {np.floor(10 * side * spacing / least) / 10:g}, or "
+                f"points_per_wavelength {np.ceil(100 * least / spacing) / 100:g} times smaller"
             )
         pitch, margin = side / count, count // 2
         (cy, cx), ip = window.centre, surface.interpolant
