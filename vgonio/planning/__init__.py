@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from .. import assembly
@@ -18,7 +19,7 @@ from ..errors import ToleranceError
 from ..scene import Scene, load_scene
 from . import stages
 from .cautions import warnings_of
-from .forecast import LEAST_WAVE_TOL
+from .forecast import LEAST_WAVE_TOL, Forecast
 from .outputs import check_output, check_outputs, with_folder
 from .parts import forecasts
 from .plans import Plan, Stage
@@ -76,6 +77,8 @@ def plan_of(
         chosen = choose(scene, inputs.surface, inputs.source, on, max_seconds, tol)
         scene = chosen.scene
     expected = forecasts(scene, inputs.source, inputs.surface, on, first_look=first_look)
+    if chosen is not None:
+        expected = _with_left_out(scene, expected, *chosen.left_out)
     found = [
         *stages.start_stages(),
         *stages.surface_stages(scene, inputs.source),
@@ -93,3 +96,11 @@ def plan_of(
         chosen.alternatives if chosen else (),
     )
     return scene, made
+
+
+def _with_left_out(scene: Scene, expected: dict[str, Forecast], error: float, why: str) -> dict[str, Forecast]:
+    """The same with the error of what a choice leaves out of iterated Kirchhoff, which the solver does not state."""
+    iterated = [n for n, theory in assembly.wave_groups(scene).items() if theory == "iterated-kirchhoff" and why]
+    changed = {n: replace(expected[n], error=max(error, expected[n].error or 0.0), how=f"left out is {why}")
+               for n in iterated}  # fmt: skip
+    return {**expected, **changed}

@@ -1,8 +1,10 @@
 """Methods and efforts of a scene for a time and an error: the cheapest that meet both, or the reason why none does.
 
 What a scene asks is never changed: surface, light, detector, theories and their options are questions. What may change
-is how they are answered: the number of rays and their estimator, the method and the tolerance of the waves and, where
-the time is short, the number of coherence windows.
+is how they are answered: the number of rays and their estimator, the method and the tolerance of the waves, reflections
+and larger patches of iterated Kirchhoff where the scene names none (`iterated_choice`) and, where the time is short,
+the number of coherence windows. The size of the surface, its rows among it, is a question too: more of it brings
+speckle down as one over the root, which is said where speckle is what stays.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from ..errors import InputError, ToleranceError, relative_tolerance
 from ..scene import Scene
 from ..surface import Heightfield
 from .forecast import LEAST_WAVE_TOL, Forecast
+from .iterated_choice import variants
 from .parts import forecasts, wave_part
 from .plans import duration, in_words, percent, rounded_up
 
@@ -26,6 +29,7 @@ RAY_TOLERANCES = (0.3, 0.1, 0.05, 0.03, 0.02, 0.01, 0.005, 0.003, 0.002, 0.001)
 WAVE_TOLERANCES = (0.1, 0.03, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6)
 SOME = (0.1, 0.01, 1e-3, 1e-4)  # of them for direct sums, which are seldom the quickest
 MOST_TRACED = 10**11  # rays at all angles together: hours to days
+ITERATED_TOLERANCES = (0.1, 0.03, 0.01)  # its spacing of points is good to 1 … 3 %
 OPENCL_TOL = 5e-5  # what single precision is good for
 FEWER = (2, 4, 8, 16, 64)  # of the windows only every so many are taken, where time is short
 SLACK = 1.05  # of the time advised, since the next forecast differs a little
@@ -34,13 +38,17 @@ MARGIN = 1.25  # forecasts are good to a factor of 2: so much less than the time
 
 @dataclass(frozen=True)
 class Candidate:
-    """One way to make a part: settings by key of the scene, and what they cost. part : "rays" or "waves" """
+    """One way to make a part: settings by key of the scene, and what they cost
+
+    part : "rays" or "waves";  why : where the error is from, where that is not the tolerance
+    """
 
     part: str
     settings: dict[str, Any]
     seconds: float
     error: float
     speckle: float | None = None
+    why: str = ""
 
     def row(self, chosen: bool) -> dict[str, Any]:
         return {
@@ -55,11 +63,15 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Choice:
-    """The scene with what was chosen, the settings, and all candidates as rows."""
+    """The scene with what was chosen, the settings, and all candidates as rows.
+
+    left_out : error of reflections and second hits that are left out, and where it is from
+    """
 
     scene: Scene
     settings: dict[str, Any]
     alternatives: tuple[dict[str, Any], ...]
+    left_out: tuple[float, str] = (0.0, "")
 
 
 def choose(
@@ -101,14 +113,17 @@ def choose(
             found = fewer
     settings = {k: v for c in found for k, v in c.settings.items()}
     rows = tuple(c.row(c is one) for group, one in zip(groups, found) for c in _worth_telling(group, one))
-    return Choice(_with(scene, settings), settings, rows)
+    left_out = max(((c.error, c.why) for c in found if c.why), default=(0.0, ""))
+    return Choice(_with(scene, settings), settings, rows, left_out)
 
 
 def _worth_telling(group: list[Candidate], chosen: Candidate) -> list[Candidate]:
     """What was chosen, what is more accurate or quicker, and other methods at the same tolerance."""
     ladder = _ladder([c for c in group if _whole(c) or c is chosen])
-    same = [c for c in group if _whole(c) and c.error == chosen.error]
-    told = [c for c in group if c is chosen or c in ladder or c in same]
+    methods: dict[Any, Candidate] = {}
+    for c in sorted((c for c in group if _whole(c) and c.error == chosen.error), key=lambda c: c.seconds):
+        methods.setdefault(c.settings.get("wave.method", c.settings.get("geometric.estimator")), c)
+    told = [c for c in group if c is chosen or c in ladder or c in methods.values()]
     return sorted(told, key=lambda c: c.seconds)
 
 
@@ -152,16 +167,22 @@ def _wave_candidates(scene: Scene, surface: Heightfield, on: Calibration, tol: f
     assert scene.wave is not None
     scalar = set(scene.wave.theory) - {"full-wave", "iterated-kirchhoff"}
     methods = ("nufft", "opencl", "reference") if scene.wave.method == "auto" and scalar else (scene.wave.method,)
-    tolerances = sorted({*WAVE_TOLERANCES, *([max(tol, LEAST_WAVE_TOL)] if tol else [])}, reverse=True)
+    asked = [max(tol, LEAST_WAVE_TOL)] if tol else []
+    iterated = "iterated-kirchhoff" in scene.wave.theory
+    tolerances = sorted({*(ITERATED_TOLERANCES if iterated else WAVE_TOLERANCES), *asked}, reverse=True)
+    tried = variants(scene, surface)
     for method in methods:
         few = method != "nufft" and len(methods) > 1
         for tolerance in [t for t in tolerances if not few or t in SOME or t == tol]:
             if method == "opencl" and tolerance < OPENCL_TOL:
                 continue
-            settings: dict[str, Any] = {"wave.tol": tolerance, "wave.method": method}
-            whole = _wave_candidate(scene, surface, on, settings)
-            yield whole
-            yield from _with_fewer_windows(scene, surface, whole)
+            for variant in tried:
+                settings = {"wave.tol": tolerance, "wave.method": method, **variant.settings}
+                whole = _wave_candidate(scene, surface, on, settings)
+                if variant.error > whole.error:
+                    whole = replace(whole, error=min(variant.error, 1.0), why=variant.why)
+                yield whole
+                yield from _with_fewer_windows(scene, surface, whole)
 
 
 def _wave_candidate(scene: Scene, surface: Heightfield, on: Calibration, settings: dict[str, Any]) -> Candidate:
@@ -222,11 +243,16 @@ def _cheapest(groups: list[list[Candidate]], tol: float, speckled: bool = False)
             best = min(group, key=lambda c: c.error)
             raise ToleranceError(
                 f"tol = {tol:g} cannot be met: the {best.part} reach {percent(best.error)} at best "
-                f"({_words(best)}, {duration(best.seconds)}): take tol = {rounded_up(best.error):g}, or another method "
-                "or theory"
+                f"({_words(best)}, {duration(best.seconds)}{best.why and '; it is from '}{best.why}): take tol = "
+                f"{rounded_up(best.error):g}, or another method or theory"
             )
-        found.append(min(fits, key=lambda c: (c.seconds, -c.error)))  # at equal cost what was asked for
+        found.append(min(fits, key=lambda c: (c.seconds, -_tolerance(c), c.error)))  # at equal cost what was asked for
     return found
+
+
+def _tolerance(c: Candidate) -> float:
+    """The largest of those among its settings."""
+    return max((v for k, v in c.settings.items() if k.endswith(".tol")), default=c.error)
 
 
 def _most_accurate(groups: list[list[Candidate]], seconds: float) -> list[Candidate] | None:
@@ -292,9 +318,16 @@ def _refusal(groups: list[list[Candidate]], found: list[Candidate], rest: float,
     instead = "nothing at all can be done"
     if reached is not None:
         instead = f"an error of {percent(max(c.error for c in reached))} is reached"
+    stays = [c.speckle for c in found if c.speckle is not None and c.speckle > tol]
+    noise = (
+        f". Speckle of {percent(max(stays))} stays at that: more surface, not more effort, brings it down"
+        if stays
+        else ""
+    )
     return (
         f"{percent(tol)} in {duration(seconds)} cannot be had: needed are {_needs(found, rest)}; in "
-        f"{duration(seconds)} {instead}. {_allow(found, rest)}, a larger tol, or ask for fewer angles or wavelengths"
+        f"{duration(seconds)} {instead}. {_allow(found, rest)}, a larger tol, or ask for fewer angles or "
+        f"wavelengths{noise}"
     )
 
 
