@@ -77,11 +77,12 @@ def test_fill_interpolate_reproduces_harmonic_functions(rng):
 
 
 def test_fill_interpolate_minds_pitches_and_the_seam():
-    y, x = np.mgrid[0.0:30.0, 0.0:30.0]
-    plane = 0.3 * x + 0.1 * y
-    plane[10:15, 10:15] = np.nan
-    f = sf.fill(sf.Heightfield(plane, (2.0, 0.5)))
-    np.testing.assert_allclose(f.z, 0.3 * x + 0.1 * y, atol=1e-8)
+    y, x = np.mgrid[0.0:30.0, 0.0:30.0] * np.array([2.0, 0.5])[:, None, None]
+    z = x**2 - y**2 + 0.3 * x + 0.1 * y  # harmonic in µm, not in samples
+    holed = z.copy()
+    holed[10:15, 10:15] = np.nan
+    f = sf.fill(sf.Heightfield(holed, (2.0, 0.5)))
+    np.testing.assert_allclose(f.z, z, atol=1e-6)
     wave = np.cos(2 * np.pi * (np.arange(64) + 0.5) / 64)[None] * np.ones((8, 1))
     holed = wave.copy()
     holed[:, :2] = np.nan
@@ -229,3 +230,16 @@ def test_s_and_l_together_and_bad_cut_offs():
     for wrong in ({"s_um": 0.3}, {"l_um": -1}, {"s_um": 5, "l_um": 5}, {"s_um": "wide"}):
         with pytest.raises(InputError):
             sf.gaussian_filter(f, **wrong)
+
+
+# ---- crop
+def test_a_crop_is_the_middle_and_no_longer_periodic():
+    z = np.arange(10.0)[:, None] * 100 + np.arange(16.0)
+    f = sf.Heightfield(z, (0.5, 0.25), periodic=True)
+    part, first = f.cropped((2.0, 1.0)), f.cropped((2.0, 1.0), centre=False)
+    assert (part.shape, part.size_um) == ((4, 4), (2.0, 1.0))
+    np.testing.assert_array_equal(part.z, z[3:7, 6:10])
+    np.testing.assert_array_equal(first.z, z[:4, :4])
+    assert not part.periodic
+    assert not f.cropped((5.0, 1.0)).periodic
+    assert f.cropped((5.0, 4.0)).periodic  # the whole
