@@ -1,5 +1,7 @@
-"""Framework 1 of the thesis (figure 5.2): does the display obey the model? Framework 2 (figure 5.3): does the
-calibration work, beside driving the display with sRGB or Adobe RGB values as they are?"""
+"""Does the display obey the model, does the calibration work: frameworks 1 and 2 of the thesis (figures 5.2, 5.3).
+
+The calibration is held against driving the display with sRGB or Adobe RGB values as they are.
+"""
 
 from __future__ import annotations
 

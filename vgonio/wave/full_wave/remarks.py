@@ -11,7 +11,7 @@ from .tapered import Fields
 
 ILL_CONDITIONED = 1e8  # half the digits of a double are lost
 RESIDUAL = 1e-8  # relative, of a system that LU solves to 1e-13 where it is well conditioned
-CUT = 0.02  # amplitude of a beam at the end of its patch that is worth a word
+CUT = 0.02  # amplitude of a beam at the end of its piece that is worth a word
 LEFT_OUT = 1e-3  # share of a beam's power that its spectrum of propagating waves lacks
 UNBALANCED = 1e-3  # of the incident power: reflected, absorbed and lost are computed apart
 LOST = 1e-2  # share of the power past the ends of a piece
@@ -66,7 +66,7 @@ def of_grating(found: list[Diffraction], wavelength: float, theta_i_deg: float) 
 
 
 def of_beam(found: Fields, taper: float, centre: float, theta_i_deg: np.ndarray) -> list[str]:
-    """Remarks on a finite patch: does the beam end before it, does it hold waves that cannot propagate."""
+    """Remarks on a finite piece: does the beam end before it, does it hold waves that cannot propagate."""
     out = []
     x = found.curve.point[0]
     end = min(centre - x.min(), x.max() - centre)

@@ -86,7 +86,7 @@ class Fields:
 
 
 @dataclass(frozen=True, eq=False)
-class Patch:
+class Piece:
     """An open curve (µm) and the potentials on it, which both polarisations share. index : None for a perfect one"""
 
     curve: Panels
@@ -96,11 +96,11 @@ class Patch:
     inside: system.Operators | None
 
     @staticmethod
-    def of(curve: Panels, wavelength: float, index: complex | None, polarisations: tuple[str, ...]) -> Patch:
+    def of(curve: Panels, wavelength: float, index: complex | None, polarisations: tuple[str, ...]) -> Piece:
         k = 2 * np.pi / wavelength
         wanted = tuple(sorted({n for p in polarisations for n in system.operators_needed(index is None, p)}))
         inside = None if index is None else operators.assemble(k * index, curve, curve, ("single", "double"), True)
-        return Patch(curve, k, index, operators.assemble(k, curve, curve, wanted, True), inside)
+        return Piece(curve, k, index, operators.assemble(k, curve, curve, wanted, True), inside)
 
     def solve(self, theta_i: Floats, polarisation: str, taper: float, centre: float) -> Fields:
         """Fields for beams from θ_i (r,) radians with ℓ = `taper` around x = `centre`: one factorisation for all."""
@@ -156,8 +156,8 @@ def scatter_profile(
     edges = panels.smooth_edges(curve, x[0], x[-1], panel_wavelengths * scale, ORDER, 1e-6 * wavelength_um)
     taper = float(np.ptp(x)) / 8 if taper_um is None else float(taper_um)
     theta = np.deg2rad(np.atleast_1d(np.asarray(theta_i_deg, float)))
-    patch = Patch.of(panels.on_curve(curve, edges, ORDER), wavelength_um, refractive_index, (polarisation,))
-    found = patch.solve(theta, polarisation, taper, float(x[0] + x[-1]) / 2)
+    one = Piece.of(panels.on_curve(curve, edges, ORDER), wavelength_um, refractive_index, (polarisation,))
+    found = one.solve(theta, polarisation, taper, float(x[0] + x[-1]) / 2)
     reflected, lost = found.reflected(), found.lost()
     balance = reflected + lost + (0.0 if refractive_index is None else found.absorbed())
     return Scattering(found.density(np.deg2rad(np.asarray(theta_o_deg, float))), reflected, lost, balance, found)

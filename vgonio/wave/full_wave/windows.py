@@ -12,7 +12,7 @@ from . import beam, effort, remarks
 from .detection import element_means
 from .outcome import Outcome, Task
 from .panels import Floats
-from .tapered import Fields, Patch
+from .tapered import Fields, Piece
 
 EDGE = 4.0  # a piece ends at 4 ℓ, where the amplitude of the beam is 3e-4
 WHOLE = 8.0  # without a coherence length: ℓ is so small a part of the profile
@@ -52,11 +52,11 @@ def scattered(task: Task) -> Outcome:
         what = f"a piece of {span[1] - span[0]:.3g} µm at {task.wavelength_nm:g} nm"
         curve = effort.affordable(surface, span, how, price, what)
         with effort.threads(curve.size):
-            patch = Patch.of(curve, wavelength, index, task.polarisations)
+            one = Piece.of(curve, wavelength, index, task.polarisations)
             found: list[Fields] = []
             for p in task.polarisations:
                 part((1 + len(found)) / (1 + len(task.polarisations)))
-                found.append(patch.solve(theta, p, taper, middles[n]))
+                found.append(one.solve(theta, p, taper, middles[n]))
         return found
 
     def means(found: list[Fields]) -> tuple[Floats, Floats]:
@@ -82,15 +82,18 @@ def scattered(task: Task) -> Outcome:
         every.append(middle if n == len(middles) // 2 else window(n, max(rounds), part))
     task.tell(1.0)
     pairs = [means(found) for found in every]
-    brdf = np.stack([p[0] for p in pairs])
-    if len(middles) > 1:
-        stderr = brdf.std(axis=0, ddof=1) / np.sqrt(independent)
-        spread = f"spread over {independent:.1f} effective independent windows"
-    else:
-        stderr = pairs[0][1]
-        spread = "spread over the directions within a detector element: one window only"
+    stderr, spread = _standard_error(pairs, independent)
     attrs, lit = {"stderr_estimate": spread}, task.incoming.theta_deg
-    return _outcome(every, brdf.mean(axis=0), stderr, error, index, taper, middles, lit, attrs)
+    brdf = np.mean([p[0] for p in pairs], axis=0)
+    return _outcome(every, brdf, stderr, error, index, taper, middles, lit, attrs)
+
+
+def _standard_error(pairs: list[tuple[Floats, Floats]], independent: float) -> tuple[Floats, str]:
+    """Of the mean over windows, from the means over detector elements and their errors in each; and what it is from."""
+    if len(pairs) == 1:
+        return pairs[0][1], "spread over the directions within a detector element: one window only"
+    spread = np.std([p[0] for p in pairs], axis=0, ddof=1)
+    return spread / np.sqrt(independent), f"spread over {independent:.1f} effective independent windows"
 
 
 def _detected(found: Fields, detector: Detector, sign: float, taper: float) -> tuple[Floats, Floats]:
