@@ -110,7 +110,7 @@ for names in (line.split() for line in sys.stdin):
 
 # ---- sizes
 LINES = 350
-BODY = 60  # lines of a function below its docstring
+BODY = 56  # lines of a function below its docstring
 # what may be longer, and why
 LONGER = {
     "render/bsdf.py:_plain_class": "Mitsuba's base class exists only once a variant is set: the class is made inside",
