@@ -265,7 +265,7 @@ def test_names_that_the_file_system_refuses(refused):
 
 
 def test_what_does_not_fit_into_memory(refused, monkeypatch):
-    def too_large(*_):
+    def too_large(*_, **__):
         raise MemoryError("Unable to allocate 548. TiB")
 
     monkeypatch.setattr("vgonio.planning.plan_of", too_large)
