@@ -104,12 +104,14 @@ def _client(scheduler: str | None, workers: int | None, points: int) -> Iterator
     except ModuleNotFoundError:
         raise BackendError("a sweep needs Dask: pip install 'vgonio[sweep]'") from None
     import dask
+    from distributed.comm import resolve_address
 
     # Never the default client of the process: one that found no scheduler would stay it, and files would be saved
     # under its locks (xarray asks Dask for them).
     with dask.config.set({"distributed.scheduler.allowed-failures": DEATHS}):
         if scheduler is not None:
             try:
+                resolve_address(scheduler)  # a client that meets a bad address itself hangs for 20 s when it is dropped
                 client = distributed.Client(scheduler, timeout=10, set_as_default=False)
             except (OSError, ValueError) as e:
                 raise BackendError(f"no Dask scheduler answers at {scheduler!r}: {e or type(e).__name__}") from None
