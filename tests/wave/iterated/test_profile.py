@@ -192,7 +192,7 @@ def test_orders_and_their_interference_add_up():
 def test_two_reflections_interfere_in_one_direction():
     """Amplitudes add in one polarisation, one window and one direction: p = p₁ + p₂ + 2 √(p₁p₂) cos δ, all δ occur."""
     gonio = vg.measure.Gonioreflectometer([20], range(-60, 61, 4), coherence_um=4, aperture_deg=0.1, polarisation="s")
-    solver = IteratedKirchhoff("perfect", [600], bounces=2, windows=1, tol=0.05)
+    solver = IteratedKirchhoff("perfect", [600], bounces=2, windows=1, tol=0.01)
     data = gonio.measure(rough(0.8, 2.0, 30), solver).squeeze()
     one, two = data.brdf_by_bounce.values
     cosine = data.brdf_interference.values / np.maximum(2 * np.sqrt(one * two), 1e-9 * one.max())
