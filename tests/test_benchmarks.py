@@ -41,10 +41,23 @@ def test_rays(capsys):
 def test_patches(capsys):
     """Blocks of points keep to their errors against all pairs, the more careful ones by far."""
     pytest.importorskip("pyopencl")
-    rows = load("patches").main(["--quick"])["rows"]
-    for r in rows:
-        assert r["error"] <= {"pairs": 0.0, "blocks 0.01": 1e-2, "blocks 0.001": 1e-3}[r["method"]]
-    assert len(rows) == 6
+    found = load("patches").main(["--quick"])
+    of = {part: [r for r in found["rows"] if r["part"] == part] for part in ("sight", "rules", "one", "whole")}
+    assert [len(rows) for rows in of.values()] == [1, 1, 6, 2]
+    for r in of["one"]:
+        assert r["error"] <= {"pairs": 0.0, "blocks 0.01": 1e-2, "blocks 0.001": 1e-3}[r["case"][3]]
+    assert of["rules"][0]["0.001"] < of["rules"][0]["0.01"] < 1e-2
+    assert sum(of["sight"][0]["power"]) == pytest.approx(1)
+    assert all(0.8 < r["energy"] < 1.1 for r in of["whole"])
+    assert len(found["growth"]) == 3
+
+
+def test_boss(capsys):
+    """Second reflections near the exact answer, whatever the size: the figures are those of the test of patches."""
+    pytest.importorskip("pyopencl")
+    row = load("boss").main(["--sizes", "1", "--theta-i", "20"])[0]
+    for one, two, wrong in zip(row["error 1"], row["error 2"], row["wrong sign"]):
+        assert two < 0.8 * one < wrong
 
 
 def test_multiple_scattering(capsys, monkeypatch, tmp_path):
