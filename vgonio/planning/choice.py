@@ -22,7 +22,7 @@ from ..scene import Scene
 from ..surface import Heightfield
 from .forecast import LEAST_WAVE_TOL, Forecast
 from .iterated_choice import variants
-from .parts import forecasts, wave_part
+from .parts import SPACING_ERROR, forecasts, wave_part
 from .plans import duration, in_words, percent, rounded_up
 
 RAY_TOLERANCES = (0.3, 0.1, 0.05, 0.03, 0.02, 0.01, 0.005, 0.003, 0.002, 0.001)
@@ -170,7 +170,7 @@ def _wave_candidates(scene: Scene, surface: Heightfield, on: Calibration, tol: f
     asked = [max(tol, LEAST_WAVE_TOL)] if tol else []
     iterated = "iterated-kirchhoff" in scene.wave.theory
     tolerances = sorted({*(ITERATED_TOLERANCES if iterated else WAVE_TOLERANCES), *asked}, reverse=True)
-    tried = variants(scene, surface)
+    tried, known = variants(scene, surface), dict[str, Candidate]()
     for method in methods:
         few = method != "nufft" and len(methods) > 1
         for tolerance in [t for t in tolerances if not few or t in SOME or t == tol]:
@@ -178,7 +178,11 @@ def _wave_candidates(scene: Scene, surface: Heightfield, on: Calibration, tol: f
                 continue
             for variant in tried:
                 settings = {"wave.tol": tolerance, "wave.method": method, **variant.settings}
-                whole = _wave_candidate(scene, surface, on, settings)
+                if scene.wave.theory == ["iterated-kirchhoff"] and variant.words in known:  # tol costs it nothing
+                    error = max(tolerance, SPACING_ERROR[surface.is_profile])
+                    whole = replace(known[variant.words], settings=settings, error=error)
+                else:
+                    whole = known[variant.words] = _wave_candidate(scene, surface, on, settings)
                 if variant.error > whole.error:
                     whole = replace(whole, error=min(variant.error, 1.0), why=variant.why)
                 yield whole

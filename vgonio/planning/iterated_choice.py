@@ -18,6 +18,7 @@ from .. import assembly
 from ..errors import InputError
 from ..scene import Scene
 from ..surface import Heightfield
+from .plans import in_words
 
 BOUNCES = (1, 2, 3, 4, 6, 8)
 WIDER = (1.0, 1.5, 2.0, 3.0)  # of the patch that is taken where none is named
@@ -32,6 +33,10 @@ class Variant:
     settings: dict[str, Any]
     error: float = 0.0
     why: str = ""
+
+    @property
+    def words(self) -> str:
+        return in_words(self.settings)
 
 
 def variants(scene: Scene, surface: Heightfield) -> list[Variant]:
