@@ -125,9 +125,7 @@ def _forecast(
     memory = _bytes(solver, facets, len(detector), threads)
     if solver.refinement_check:
         seconds, memory = 2 * seconds + 3 * facets * speeds.facet, memory + 4 * facets * FACET_BYTES
-    return Forecast(
-        float(seconds), float(memory), float(error), rough=ROUGH if looked is None and by_facets and error else None
-    )
+    return Forecast(float(seconds), float(memory), float(error), rough=ROUGH if looked is None and by_facets else None)
 
 
 def _with_first_look(
