@@ -265,7 +265,7 @@ def test_compare_groups_of_one_result(result, capsys):
         ("compare R:rays R:waves --material Alu", "unknown material 'Alu'"),
         ("fit R:rays --material Alu", "unknown material 'Alu'"),
         ("fit R:rays --scale absolut", "--scale absolut: did you mean 'absolute'?"),
-        ("fit R:rays --wavelength-n 0.6", "--wavelength-n 0.6: it is in nm, as 600"),
+        ("fit R:rays --wavelength-n 0.6", "--wavelength-n 0.6: wavelengths are in nm, was 600 meant?"),
     ],
 )
 def test_a_wrong_word_is_refused_and_is_no_row_of_the_table(result, capsys, words, said):

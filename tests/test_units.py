@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vgonio.errors import InputError
-from vgonio.units import MICROMETRES, degrees, nm_to_um, radians, to_um, wavenumber
+from vgonio.units import MICROMETRES, degrees, meant_nm, nm_to_um, radians, to_um, wavenumber
 
 
 def test_lengths_by_their_definitions():
@@ -28,3 +28,16 @@ def test_angles_and_wavelengths():
     assert np.allclose(degrees(radians([12.5, 271.0])), [12.5, 271.0], rtol=1e-15)
     assert nm_to_um(550.0) == pytest.approx(0.55)
     assert wavenumber(500.0) == pytest.approx(4 * np.pi, rel=1e-15)  # rad/µm
+
+
+@pytest.mark.parametrize(
+    ("given", "low", "high", "meant"),
+    [(0.55, 400, 700, "550"), (0.4, 400, 700, "400"), (0.7, 400, 700, "700"), (1.55, 400, 2000, "1550")],
+)
+def test_micrometres_for_nanometres(given, low, high, meant):
+    assert meant_nm(given, low, high) == f": wavelengths are in nm, was {meant} meant?"
+
+
+@pytest.mark.parametrize("given", [0.399, 0.701, 0.0, -0.55, 550.0, float("nan"), float("inf")])
+def test_what_is_outside_in_micrometres_too_is_left_alone(given):
+    assert meant_nm(given, 400, 700) == ""

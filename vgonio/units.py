@@ -48,6 +48,18 @@ def nm_to_um(wavelength_nm: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(wavelength_nm, dtype=np.float64) * 1e-3
 
 
+def meant_nm(wavelength_nm: float, low_nm: float = 100.0, high_nm: float = 100_000.0) -> str:
+    """The end of a message on a wavelength outside `low_nm` to `high_nm`, nm, that is within in µm; else nothing.
+
+    >>> meant_nm(0.55, 400, 700)
+    ': wavelengths are in nm, was 550 meant?'
+    """
+    nm = 1000 * float(wavelength_nm)
+    # a rounded 0.4 µm is at the end of a range from 400 nm
+    within = low_nm * (1 - 1e-9) <= nm <= high_nm * (1 + 1e-9)
+    return f": wavelengths are in nm, was {nm:g} meant?" if within else ""
+
+
 def wavenumber(wavelength_nm: ArrayLike) -> NDArray[np.float64]:
     """k = 2π/λ in rad/µm for wavelengths in nm."""
     return 2.0 * np.pi / nm_to_um(wavelength_nm)

@@ -45,8 +45,10 @@ def examples(
             f"{', '.join(there)} {'is' if len(there) == 1 else 'are'} in {folder} already: "
             "name another folder, or --force to overwrite"
         )
-    from ..planning import with_folder
+    from ..planning import check_output, with_folder
 
+    for name in FILES:
+        check_output(folder / name, (Path(name).suffix,))
     for name, (what, write) in FILES.items():
         path = with_folder(folder / name)
         write(path)

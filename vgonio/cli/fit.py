@@ -71,12 +71,13 @@ def fit(
     if not data:
         raise InputError("nothing to fit: give at least one measured BRDF or result, or --list for the models")
     from ..compare.colour import SCALE_WORDS
+    from ..units import meant_nm
 
     reflector = known_material(material)
     if scale not in SCALE_WORDS:
         raise InputError(f"--scale {scale}: {nearest(scale, SCALE_WORDS)}")
     if not 100 <= wavelength_n <= 100_000:
-        raise InputError(f"--wavelength-n {wavelength_n:g}: it is in nm, as 600")
+        raise InputError(f"--wavelength-n {wavelength_n:g}{meant_nm(wavelength_n) or ': it is in nm, as 600'}")
     samples = load_all(data, one_point=True)
     traced = None if rays is None else _traced(rays)
     limits, number = _limits(wavelengths), _exponent(p)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..errors import FileFormatError, InputError
+from ..errors import FileFormatError, InputError, nearest
 from ..files import json_of
 from .common import Json, Quiet, Threads, print_json, print_table, progress_bars, say
 
@@ -140,6 +140,8 @@ def _materials(spec: str, fill: str, wavelength_nm: Any) -> list[Appearance]:
     model, _, given = spec.partition(":")
     if model in MODELS:
         return [of_model(model, formula(given), wavelength_nm, spec)]
+    if not Path(model).suffix and not Path(spec).exists() and not Path(model).exists():
+        raise InputError(f"{spec}: there is no such file, and no model {model!r}: {nearest(model, MODELS)}")
     if spec.lower().endswith(".bsdf"):
         return [of_table(spec)]
     fit = _fit(Path(spec))

@@ -197,6 +197,10 @@ def init(
     """
     from importlib.resources import files
 
+    from ..planning import check_output, with_folder
+
+    check_output(scene, (scene.suffix.lower(),))
+    with_folder(scene)
     first = _write_schema(scene.parent) if schema else ""
     if schema and scene.exists() and not force:
         say(f"kept {scene}: for editors its first line has to be {first.strip()}")

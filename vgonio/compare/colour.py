@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..dataset import check, takes_nodes
 from ..errors import InputError, VgonioWarning, nearest
-from ..units import radians
+from ..units import meant_nm, radians
 from .metrics import align, interpolate_wavelength, labelled
 
 Floats = NDArray[np.float64]
@@ -87,15 +87,17 @@ def weights(wavelength_nm: Floats) -> tuple[Floats, Floats]:
     """
     wavelength_nm = np.asarray(wavelength_nm, dtype=np.float64)
     if wavelength_nm.size < 2:
+        one = float(wavelength_nm[0])
         raise InputError(
-            f"colour needs a spectrum, got the single wavelength {wavelength_nm[0]:g} nm: simulate or measure several"
+            f"colour needs a spectrum, got the single wavelength {one:g} nm: several are needed"
+            + (meant_nm(one) or ": simulate or measure them")
         )
     matrix, outside = _weights(tuple(wavelength_nm.tolist()))
     if np.any(outside > LARGEST_SHARE_OUTSIDE):
         shares = ", ".join(f"{share:.0%} of {c}" for share, c in zip(outside, "XYZ"))
         raise InputError(
             f"wavelengths from {wavelength_nm[0]:g} to {wavelength_nm[-1]:g} nm miss {shares} of CIE 1931 XYZ, "
-            "allowed are 50 %, 10 %, 50 %: cover at least 450 to 650 nm"
+            "allowed are 50 %, 10 %, 50 %" + (meant_nm(wavelength_nm[-1]) or ": cover at least 450 to 650 nm")
         )
     return matrix, outside
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..dataset import ascending, check
 from ..errors import InputError
 from ..models import Geometry, Model
-from ..units import radians
+from ..units import meant_nm, radians
 from .cost import Inner, Target, best_coefficients, compressed
 from .metrics import detector_dim
 
@@ -60,7 +60,8 @@ def pairs_of(data: xr.Dataset, wavelength_range_nm: tuple[float, float] | None =
         data = data.isel(wavelength=np.flatnonzero((w >= low - 1e-6) & (w <= high + 1e-6)))
         if not data.sizes["wavelength"]:
             raise InputError(
-                f"no wavelength within {low:g} to {high:g} nm: the data reach from {w[0]:g} to {w[-1]:g} nm"
+                f"no wavelength within {low:g} to {high:g} nm, the data reach from {w[0]:g} to {w[-1]:g} nm"
+                + (meant_nm(high, w[0], w[-1]) or meant_nm(low, w[0], w[-1]))
             )
     kept = data[[v for v in ("brdf", "brdf_stderr") if v in data]].transpose("theta_i", dim, "wavelength")
     values = kept["brdf"].values.astype(np.float64)

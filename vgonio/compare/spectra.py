@@ -12,7 +12,7 @@ from ..dataset import check
 from ..errors import InputError
 from ..materials import Material, material
 from ..models import half_angles
-from ..units import radians
+from ..units import meant_nm, radians
 from .metrics import detector_dim, interpolate_wavelength
 
 Floats = NDArray[np.float64]
@@ -76,7 +76,10 @@ def normalised_spectra(
             f"a linear shift needs at least 3 wavelengths, got {w.size} ({', '.join(f'{v:g}' for v in w)} nm)"
         )
     if not w[0] <= wavelength_n_nm <= w[-1]:
-        raise InputError(f"wavelength_n_nm = {wavelength_n_nm:g} lies outside the wavelengths {w[0]:g} to {w[-1]:g} nm")
+        raise InputError(
+            f"wavelength_n_nm = {wavelength_n_nm:g} lies outside the wavelengths {w[0]:g} to {w[-1]:g} nm"
+            + meant_nm(wavelength_n_nm, w[0], w[-1])
+        )
     f = data["brdf"].values.reshape(-1, w.size)
     f_n = interpolate_wavelength(data[["brdf"]], np.array([wavelength_n_nm]))["brdf"].values.ravel()
     # a spectrum that all but vanishes at λ_n (the rounding of a grating's dark directions) cannot be normalised there

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import MaterialError
+from ..units import meant_nm
 
 Complex = NDArray[np.complex128]
 Floats = NDArray[np.float64]
@@ -53,11 +54,9 @@ class Material:
         # tables are given to a few digits: half a picometre of slack
         if np.any(w < lo - 5e-4) or np.any(w > hi + 5e-4):
             out = w[(w < lo - 5e-4) | (w > hi + 5e-4)].flat[0]
-            remedy = "choose wavelengths inside, or another source (for example 'Al:McPeak')"
-            if lo <= 1000 * out <= hi:
-                remedy = f"wavelengths are in nm: was {1000 * out:g} meant?"
+            remedy = meant_nm(out, lo, hi) or ": choose wavelengths inside, or another source (for example 'Al:McPeak')"
             raise MaterialError(
-                f"material {self.name!r} is tabulated from {lo:g} to {hi:g} nm, {out:g} nm was asked for: {remedy}"
+                f"material {self.name!r} is tabulated from {lo:g} to {hi:g} nm, {out:g} nm was asked for{remedy}"
             )
         index = self.table(np.clip(w, lo, hi) * 1e-3)
         good = np.isfinite(index) & (index.real >= 0) & (index.imag >= 0) & (index != 0)

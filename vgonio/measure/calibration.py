@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..dataset import label
 from ..directions import unit_vectors
 from ..errors import InputError
-from ..units import radians
+from ..units import meant_nm, radians
 from .hardware import REPEATABILITY_DEG, Tilt, tilt_effect
 from .isotropic import isotropic
 from .standards import DIMS
@@ -157,9 +157,10 @@ def _standard_at(
     nm = here["wavelength"].values if standard_nm is None else np.full(here["wavelength"].size, float(standard_nm))
     own = np.sort(standard["wavelength"].values)
     if nm.min() < own[0] - 1.5 or nm.max() > own[-1] + 1.5:
+        asked = f"{nm.min():g}" if standard_nm is not None else f"{nm.min():g} to {nm.max():g}"
         raise InputError(
-            f"the standard is known from {own[0]:g} to {own[-1]:g} nm, {nm.min():g} to {nm.max():g} nm are needed: "
-            "choose standard_nm (--standard-nm)"
+            f"the standard is known from {own[0]:g} to {own[-1]:g} nm, its BRDF is needed at {asked} nm"
+            + (meant_nm(nm.min(), own[0], own[-1]) or ": choose standard_nm (--standard-nm)")
         )
     weights = np.stack([np.interp(nm, own, row) for row in np.eye(own.size)])
     wi = np.tile(unit_vectors(radians(float(here["theta_i"]))), (here["theta_o"].size, 1))

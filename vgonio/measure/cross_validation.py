@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..dataset import check
 from ..errors import InputError, nearest
+from ..units import meant_nm
 from .hemisphere import interp
 
 Floats = NDArray[np.float64]
@@ -95,7 +96,10 @@ def _wavelengths(data: Mapping[str, xr.Dataset], asked: float | None) -> Floats:
     high = min(float(d["wavelength"].max()) for d in data.values())
     if asked is not None:
         if not low - 1e-6 <= float(asked) <= high + 1e-6:
-            raise InputError(f"wavelength_nm = {asked:g}: all data sets cover {low:g} to {high:g} nm only")
+            raise InputError(
+                f"wavelength_nm = {asked:g}, but all data sets cover {low:g} to {high:g} nm only"
+                + meant_nm(asked, low, high)
+            )
         return np.array([float(asked)])
     axes = [np.sort(d["wavelength"].values) for d in data.values()]
     inside = [a[(a >= low - 1e-6) & (a <= high + 1e-6)] for a in axes]

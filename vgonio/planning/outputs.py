@@ -29,7 +29,7 @@ def check_output(path: Path, endings: tuple[str, ...], inputs: Iterable[Path] = 
     if path.suffix.lower() not in endings:
         raise InputError(f"output {path.name!r}: the name has to end in {' or '.join(endings)}")
     if path.is_dir():
-        raise InputError(f"output {path} is a folder")
+        raise InputError(f"output {path} is a folder: name a file in it")
     if any(path.resolve() == other.resolve() for other in inputs):
         raise InputError(f"output {path} would overwrite an input of the scene")
     parent = path.resolve().parent
