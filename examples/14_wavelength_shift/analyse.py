@@ -140,7 +140,7 @@ def figure(samples: Mapping[str, xr.Dataset], theta_i: float):
             ax.spines[["top", "right"]].set_visible(False)
     grid[0, 0].set_ylim(-60, 40)
     grid[0, 0].set_ylabel("shift (% per 100 nm)")
-    grid[1, 0].set_ylim(0, 60)
+    grid[1, 0].set_ylim(0, min(60.0, grid[1, 0].get_ylim()[1]))
     grid[1, 0].set_ylabel("of the light at 600 nm (%)")
     labelled = [pair for ax in grid[:, 0] for pair in zip(*ax.get_legend_handles_labels())]
     made.legend(*zip(*labelled), loc="outside upper left", ncols=4, fontsize=7.5, frameon=False)
