@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import os
+import re
 import shlex
 import signal
 import subprocess
@@ -13,9 +14,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 
 import vgonio as vg
 from vgonio.cli import main
+from vgonio.cli.app import app
 from vgonio.cli.doctor import in_subprocess
 
 SCENE = """
@@ -62,21 +65,24 @@ def result(tmp_path_factory) -> Path:
 
 
 # ---- help
-COMMANDS = [
-    ["simulate"],
-    ["plan"],
-    ["init"],
-    ["surface", "info"],
-    ["surface", "make"],
-    ["surface", "convert"],
-    ["compare"],
-    ["fit"],
-    ["report"],
-    ["display", "characterise"],
-    ["display", "verify"],
-    ["display", "calibrate"],
-    ["doctor"],
-]
+def commands(group=None, before: tuple[str, ...] = ()) -> dict[tuple[str, ...], bool]:
+    """The words of every command and group, and whether it is a group."""
+    group = group or typer.main.get_command(app)
+    found: dict[tuple[str, ...], bool] = {before: True}
+    for name, command in group.commands.items():
+        found |= commands(command, (*before, name)) if hasattr(command, "commands") else {(*before, name): False}
+    return found
+
+
+COMMANDS = [words for words, is_group in commands().items() if not is_group]
+GROUPS = [words for words, is_group in commands().items() if is_group]
+
+
+def test_there_are_commands_and_groups():
+    assert ("simulate",) in COMMANDS
+    assert ("measured", "cross-validate") in COMMANDS
+    assert len(COMMANDS) > 20
+    assert sorted(GROUPS) == [(), ("display",), ("measured",), ("surface",)]
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
@@ -84,9 +90,21 @@ def test_help_has_an_example_and_the_common_options(command, capsys):
     assert main([*command, "--help"]) == 0
     text = capsys.readouterr().out
     assert f"Example: vgonio {' '.join(command)}" in text
-    assert "--quiet" in text
-    if command != ["init"]:
-        assert "--threads" in text
+    options = set(re.findall(r"^  (?:-\w, )?(--[\w-]+)", text, re.MULTILINE))
+    assert {"--quiet", "--help"} <= options
+    example = re.split(r"Arguments:|Options:", text)[0].split("Example: ")[1].split("&&")[0]
+    assert {w for w in example.split() if w.startswith("--")} <= options
+    if command[-1] not in ("init", "examples", "formats", "sweep"):  # nothing to compute, or --workers
+        assert "--threads" in options
+
+
+@pytest.mark.parametrize("group", GROUPS, ids=lambda words: " ".join(words) or "vgonio")
+def test_lists_of_commands_are_not_cut_at_80_columns(group, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main([*group, "--help"]) == 0
+    lines = capsys.readouterr().out.split("Commands:\n")[1].splitlines()
+    assert len(lines) == sum(words[:-1] == group for words in commands() if words)
+    assert [line for line in lines if not line.endswith(".") or line.endswith("...")] == []
 
 
 @pytest.mark.parametrize(

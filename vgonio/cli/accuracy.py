@@ -13,7 +13,7 @@ from .common import Json, Quiet, Threads, print_json, print_table, progress_bars
 
 def accuracy(
     cases: Annotated[
-        list[str] | None, typer.Argument(metavar="[CASE…]", help="Cases by name; all without any.", show_default=False)
+        list[str] | None, typer.Argument(metavar="CASE…", help="Cases by name; all without any.", show_default=False)
     ] = None,
     output: Annotated[
         Path | None,

@@ -13,7 +13,7 @@ from .display_input import Bits, Deviations, Files, FullScale, Levels, Unit, Vir
 from .display_output import calibration_files, colour_list, make_folder, tell
 
 app = typer.Typer(
-    help="Characterise a display from measured spectra, verify the model, calibrate.\n\n"
+    help="Characterise, verify and calibrate a display.\n\n"
     "Example: vgonio display characterise readings.csv --report display.html",
     rich_markup_mode=None,
 )
@@ -49,9 +49,10 @@ def characterise(
 ) -> None:
     """Say what a display is: black, white, gamut, tone curves.
 
-    Colours on a grid of step 85 among the readings also tell whether it obeys the model.
+    --colours lists what to show and to measure. Colours on a grid of step 85 among the readings also tell whether it
+    obeys the model.
 
-    Example: vgonio display characterise --colours show.csv, then vgonio display characterise readings.csv
+    Example: vgonio display characterise readings.csv --report display.html
     """
     from .. import display as package
 
@@ -91,7 +92,7 @@ def verify(
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Does the display obey the model, does the calibration work?
+    """Test whether the model and the calibration hold.
 
     The first from colours on a grid (framework 1 of the thesis), the second, with --patches, from the colours that
     calibrate lists (framework 2).
@@ -143,7 +144,9 @@ def calibrate(
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Write an ICC v4 profile, a 3-D LUT (.cube) and a list of colours to verify it with.
+    """Write an ICC profile, a 3-D LUT and colours to test them.
+
+    The profile is ICC v4, the LUT a .cube; `display verify` takes what the display makes of the colours.
 
     Example: vgonio display calibrate readings.csv -o calibration --source "Adobe RGB"
     """

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 Files = Annotated[
     list[Path] | None,
     typer.Argument(
-        metavar="[READINGS …]", help="Spectra of shown colours: CSV or CGATS (.ti3), one file or one for each eye."
+        metavar="READINGS…", help="Spectra of shown colours: CSV or CGATS (.ti3), one file or one for each eye."
     ),
 ]
 Virtual = Annotated[

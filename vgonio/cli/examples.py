@@ -28,7 +28,7 @@ NOISE = 0.02
 
 
 def examples(
-    folder: Annotated[Path, typer.Argument(metavar="[FOLDER]", help="Where the files go.")] = Path("."),
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where the files go.")] = Path("."),
     force: Annotated[bool, typer.Option("--force", help="Overwrite files that are there.", show_default=False)] = False,
     quiet: Quiet = False,
 ) -> None:

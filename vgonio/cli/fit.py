@@ -25,7 +25,9 @@ def fit(
     ] = None,
     model: Annotated[
         list[str] | None,
-        typer.Option("--model", metavar="NAME", help="Repeatable.", show_default="cook-torrance-1982, clausen-2022"),
+        typer.Option(
+            "--model", metavar="NAME", help="Of --list. Repeatable.", show_default="cook-torrance-1982, clausen-2022"
+        ),
     ] = None,
     material: Annotated[
         str, typer.Option("--material", help="Of the facets; none: a dielectric, whose index and k_d are fitted.")
@@ -34,9 +36,12 @@ def fit(
         float, typer.Option("--exponent", metavar="W", help="w of the cost function: weight of steep incidence.")
     ] = 1.0,
     wavelengths: Annotated[
-        str | None, typer.Option("--wavelengths", metavar="LOW:HIGH", help="Range in nm.", show_default="all")
+        str | None,
+        typer.Option("--wavelengths", metavar="LOW:HIGH", help="Range in nm, as 400:700.", show_default="all"),
     ] = None,
-    wavelength_n: Annotated[float, typer.Option("--wavelength-n", metavar="NM", help="Where the shift is 1.")] = 600.0,
+    wavelength_n: Annotated[
+        float, typer.Option("--wavelength-n", metavar="NM", help="Where the shift is 1, in nm.")
+    ] = 600.0,
     p: Annotated[
         str, typer.Option("--p", metavar="fit|NUMBER", help="Exponent of Fresnel in the shift fits; 0 is without it.")
     ] = "fit",
@@ -44,7 +49,7 @@ def fit(
         Path | None,
         typer.Option("--rays", metavar="RESULT", help="Traced result with reflections apart, for two shifts."),
     ] = None,
-    errors: Annotated[str, typer.Option("--errors", help="sandwich, bootstrap or none.")] = "sandwich",
+    errors: Annotated[str, typer.Option("--errors", help="Standard errors: sandwich, bootstrap or none.")] = "sandwich",
     scale: Annotated[
         str, typer.Option("--scale", help="Of the colour differences: reference-Y50, absolute, normalised.")
     ] = "reference-Y50",
@@ -52,16 +57,17 @@ def fit(
         Path | None, typer.Option("--output", "-o", metavar="FITS.nc", help="Keep the fits; .json for one fit alone.")
     ] = None,
     figures: Annotated[
-        Path | None, typer.Option("--figures", metavar="FOLDER", help="Draw thesis figures 4.7, 4.8, 4.11, 4.12.")
+        Path | None,
+        typer.Option("--figures", metavar="FOLDER", help="Draw figures as 4.7, 4.8, 4.11, 4.12 of the thesis."),
     ] = None,
     list_models: Annotated[bool, typer.Option("--list", help="Print the table of models and end.")] = False,
     as_json: Json = False,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Fit colour shifts and BRDF models, with errors and what the data cannot tell.
+    """Fit colour shifts and BRDF models, with their errors.
 
-    Several DATA are samples of one table (mean dE00 of each model per sample).
+    Notes say what the data cannot tell. Several DATA are samples of one table (mean dE00 of each model per sample).
 
     Example: vgonio fit sample.json --model cook-torrance-1982 --model clausen-2022 -o fits.nc
     """

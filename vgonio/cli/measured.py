@@ -64,7 +64,7 @@ def info(
 ) -> None:
     """Print what a file holds and what was repaired.
 
-    Options: unit, wavelength_unit, negative, duplicates; theta_i_deg, theta_o_deg or resolution_deg, wavelength_nm.
+    Of --set: unit, wavelength_unit, negative, duplicates; theta_i_deg, theta_o_deg or resolution_deg, wavelength_nm.
 
     Example: vgonio measured info alum-bronze.binary --set resolution_deg=5
     """
@@ -119,14 +119,17 @@ def calibrate(
     white: Annotated[Path, typer.Option("--white", metavar="COUNTS", help="CSV of counts on the standard.")],
     standard: Annotated[Path, typer.Option("--standard", metavar="FILE", help="BRDF of the standard, any format.")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT", help="BRDF: .json, .csv, .nc …")],
-    theta_i: Annotated[float, typer.Option("--theta-i", help="Where the standard is averaged, degrees.")] = 10.0,
+    theta_i: Annotated[float, typer.Option("--theta-i", help="θ_i at which the standard is averaged, degrees.")] = 10.0,
     standard_nm: Annotated[
-        str, typer.Option("--standard-nm", help="Where the standard's BRDF is taken: a wavelength, or all.")
+        str, typer.Option("--standard-nm", help="Where the standard's BRDF is taken: nm, or all.")
     ] = "533",
     standard_uncertainty: Annotated[
         float | None,
         typer.Option(
-            "--standard-uncertainty", "--standard-error", help="Relative, of the standard.", show_default="the file's"
+            "--standard-uncertainty",
+            "--standard-error",
+            help="Relative, of the standard, as 0.02.",
+            show_default="the file's",
         ),
     ] = None,
     tilted: Annotated[bool, typer.Option("--tilted", help="Sample and detector tilted by 4° and 8°.")] = False,
@@ -138,7 +141,7 @@ def calibrate(
     Relative calibration against a diffuse standard, averaged over θ_o = −80 … 80°. A CSV of counts has the columns
     theta_i_deg, theta_o_deg, wavelength_nm, counts and, if known, counts_stderr.
 
-    Example: vgonio measured calibrate sample.csv --white white.csv --standard spectralon.json -o sample.json
+    Example: vgonio measured calibrate counts.csv --white white.csv --standard spectralon.json -o calibrated.json
     """
     from .. import measure
     from ..measure.readers.plain_csv import read_counts
@@ -167,17 +170,18 @@ def cross_validate(
         str | None, typer.Option("--reference", metavar="NAME", help="File name of it.", show_default="mean of all")
     ] = None,
     wavelength_nm: Annotated[
-        float | None, typer.Option("--wavelength", metavar="NM", help="One wavelength.", show_default="all common")
+        float | None,
+        typer.Option("--wavelength", metavar="NM", help="One wavelength, in nm.", show_default="all common"),
     ] = None,
     as_json: Json = False,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Compare instruments that measured one sample, at their common angles.
+    """Compare instruments that measured one sample.
 
-    Deviations are relative to the reference: mean, largest, and mean with sign.
+    At their common angles. Deviations are relative to the reference: mean, largest, and mean with sign.
 
-    Example: vgonio measured cross-validate ours.json nist.csv --reference nist.csv --wavelength 633
+    Example: vgonio measured cross-validate sample.json other.csv --reference other.csv --wavelength 550
     """
     from .. import measure
 

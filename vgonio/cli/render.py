@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ..render import Appearance
 
 Variant = Annotated[str, typer.Option("--variant", help="Of Mitsuba: auto, llvm, scalar or cuda.")]
-Seed = Annotated[int, typer.Option("--seed", help="Of the random numbers.")]
+Seed = Annotated[int, typer.Option("--seed", help="Of the random numbers, 0 or more.")]
 
 
 def render(
@@ -49,7 +49,7 @@ def render(
         typer.Option("--target-error", help="Go on until the error of Y (RMS over the picture) is below, as 0.01."),
     ] = None,
     max_seconds: Annotated[
-        float | None, typer.Option("--max-seconds", help="Go on, for each material, for so long at most.")
+        float | None, typer.Option("--max-seconds", help="Go on, for each material, for so many at most.")
     ] = None,
     wavelengths: Annotated[
         str, typer.Option("--wavelengths", metavar="START:STOP:STEP", help="In nm, the stop included.")
@@ -66,9 +66,10 @@ def render(
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Render materials as spheres under a spot and a directional light.
+    """Render materials as spheres, side by side.
 
-    Spectrally, to CIE XYZ under D65, with the colour differences between the pictures.
+    Under a spot and a directional light, spectrally, to CIE XYZ under D65, with the colour differences between the
+    pictures.
 
     Example: vgonio render cook-torrance-1982:alpha=0.3 clausen-2022:alpha=0.3,h=8e-4,w=2.2 -o shift.png
     """

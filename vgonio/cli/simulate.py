@@ -177,7 +177,7 @@ def plan(
 
 
 def init(
-    scene: Annotated[Path, typer.Argument(metavar="[SCENE]", help="File to write.")] = Path("scene.toml"),
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="File to write.")] = Path("scene.toml"),
     force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.", show_default=False)] = False,
     schema: Annotated[
         bool,

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import InputError, nearest
-from .common import Json, Quiet, Set, Threads, print_json, print_table, say
+from .common import Json, Quiet, Threads, print_json, print_table, say
 
 app = typer.Typer(
     help="Look at a height field, make one, or change its format.\n\nExample: vgonio surface info sample.x3p",
@@ -24,7 +24,9 @@ Pitch = Annotated[
 HeightUnit = Annotated[
     str | None, typer.Option("--height-unit", help="Overrides the file's unit of heights: um, nm, m …")
 ]
-Interpolation = Annotated[str | None, typer.Option("--interpolation", help="cubic, linear or nearest.")]
+Interpolation = Annotated[
+    str | None, typer.Option("--interpolation", help="Between the samples: cubic, linear or nearest.")
+]
 Periodic = Annotated[bool | None, typer.Option("--periodic/--not-periodic", help="Does the field continue by itself?")]
 
 
@@ -94,9 +96,12 @@ def make(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="Where it goes: .npz, .x3p, .stl, .csv."),
+        typer.Option("--output", "-o", metavar="FILE", help="Where it goes: .npz, .x3p, .stl, .csv, .vgms."),
     ] = None,
-    parameters: Set = None,
+    parameters: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="A parameter, as in --set pitch_um=0.1. Repeatable."),
+    ] = None,
     list_kinds: Annotated[bool, typer.Option("--list", help="Print the kinds and their parameters and end.")] = False,
     threads: Threads = None,
     quiet: Quiet = False,
