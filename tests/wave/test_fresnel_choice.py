@@ -46,12 +46,16 @@ def test_gentle_slopes_agree_with_the_half_vector(profile):
     assert float(abs(half - local).max() / half.max()) < 0.04
 
 
-def test_a_tilted_plane_reflects_by_its_own_angle():
+@pytest.mark.parametrize("phi", [0, 90])
+def test_a_tilted_plane_reflects_by_its_own_angle(phi):
     """A plane tilted by 20° under 60°: mirror direction −20°, angle on the facet 40°, to 1 % (the lobe's width)."""
-    tilted = Heightfield(np.tile(np.arange(96) * 0.5, (96, 1)) * -np.tan(np.deg2rad(20)), 0.5)
+    z = np.tile(np.arange(96) * 0.5, (96, 1)) * -np.tan(np.deg2rad(20))
+    tilted = Heightfield(z if phi == 0 else z.T, 0.5)
     expected = {p: material("SiO2").reflectance(np.cos(np.deg2rad(40)), 500, p) for p in "sp"}
     for polarisation in "sp":
-        gonio = vg.measure.Gonioreflectometer([60], [-20], aperture_deg=8, coherence_um=6, polarisation=polarisation)
+        gonio = vg.measure.Gonioreflectometer(
+            [60], [-20], aperture_deg=8, coherence_um=6, polarisation=polarisation, phi_i_deg=phi
+        )
         perfect, local = (
             gonio.measure(tilted, Kirchhoff(name, [500], fresnel="local")).brdf.item() for name in ("perfect", "SiO2")
         )
