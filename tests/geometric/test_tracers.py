@@ -15,7 +15,7 @@ from vgonio.geometric import RayOptics
 from vgonio.geometric.beam import ParallelBeam, Scene
 from vgonio.geometric.tracers import TRACERS
 from vgonio.measure import Gonioreflectometer
-from vgonio.surface import Heightfield, gaussian, lamellar
+from vgonio.surface import Heightfield, flat, gaussian, lamellar
 from vgonio.surface.mesh import mesh, profile_once
 
 SKIPPED = {"warp": "Warp is not installed: pip install 'vgonio[gpu]'"}
@@ -229,3 +229,12 @@ def test_walls_are_infinitely_steep():
     assert not m.unstoppable(np.array([[0.1, 0.0, 0.99]]))[0]
     assert m.unstoppable(np.array([[0.0, 0.1, 0.99]]))[0]  # along the grooves nothing stands in the way
     assert trace_module.MAX_WRAPS > 100
+
+
+def test_a_facet_seen_from_below_is_no_hit():
+    """Rays at facet 0 of a plane, from 2 µm above and below: met at z = 0 from above, lost from below."""
+    plane = mesh(flat((4, 4), 1.0))
+    position, direction = np.array([[1.0, 1.0, 2.0], [1.0, 1.0, -2.0]]), np.array([[0.6, 0.0, -0.8], [0.6, 0.0, 0.8]])
+    front, at = trace_module.meet(plane, np.zeros(2, np.int64), position, direction)
+    assert front.tolist() == [True, False]
+    np.testing.assert_allclose(at[0], [2.5, 1.0, 0.0], atol=1e-12)
