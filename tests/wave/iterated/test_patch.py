@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 import vgonio as vg
+from vgonio.directions import unit_vectors
 from vgonio.errors import BackendError, InputError, ToleranceError, VgonioWarning
 from vgonio.materials import film, material
 from vgonio.surface import Heightfield
+from vgonio.surface.visibility import visible
 from vgonio.wave import opencl
 from vgonio.wave.coherence import Window
 from vgonio.wave.iterated import IteratedKirchhoff
@@ -128,6 +130,19 @@ def test_horizons():
     assert found[0][20, 9] == pytest.approx(2 / 3.1, rel=1e-5)  # own column 19, wall at 50
     assert found[1][20, 9] == pytest.approx(0.0, abs=1e-6)
     assert found[2][20, 9] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("phi", [0.0, 137.0, 270.0])
+def test_points_seen_from_afar(phi):
+    """Along azimuths with and without a map of horizons: the running maximum along the lines says so too, but for the
+    edges of the shadows."""
+    surface = rough(1.0, 2.0, 100, 0.1)
+    patch = Patch.of(surface, Window(10 / 6, (5, 5), (5, 5)), 0.1, 0.0)
+    assert patch.grid.z.shape == surface.shape
+    towards = unit_vectors(np.deg2rad(65.0), np.deg2rad(phi))
+    seen, expected = patch.seen(towards), visible(surface, towards)
+    assert np.mean(seen != expected) < 0.03
+    assert 0.3 < expected.mean() < 0.9
 
 
 def test_one_reflection_equals_vector_kirchhoff():
