@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 
 import numpy as np
 import pytest
@@ -27,6 +28,13 @@ def test_all_are_written_and_text_says_that_it_is_no_measurement(examples) -> No
         assert json.loads(path.read_text())[0]["provenance"].startswith("NOT A MEASUREMENT"), path.name
     assert vg.measure.read(examples / "sample.json").attrs["provenance"].startswith("NOT A MEASUREMENT")
     assert "GENERATED" in (examples / "study.toml").read_text()
+    with zipfile.ZipFile(examples / "sample.x3p") as archive:
+        assert b"<Comment>NOT A MEASUREMENT. Made by `vgonio examples`" in archive.read("main.xml")
+
+
+def test_a_generated_height_field_is_of_no_instrument(examples, capsys) -> None:
+    assert main(["surface", "info", str(examples / "sample.x3p"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["instrument"] == "software (vgonio)"
 
 
 def test_a_second_run_overwrites_only_when_told(examples, capsys) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -88,6 +89,26 @@ def test_x3p_of_a_third_party_and_its_checksums(field, tmp_path):
         main = archive.read("main.xml")
         assert archive.read("md5checksum.hex").split()[0].decode() == hashlib.md5(main).hexdigest()
         assert hashlib.md5(archive.read("bindata/data.bin")).hexdigest() in main.decode()
+
+
+def test_x3p_keeps_a_comment_in_the_record_of_the_standard(field, tmp_path):
+    """Read by another program and as XML; the heights and the order of elements of ISO 25178-72 stay."""
+    from SurfaceTopography.IO import open_topography
+
+    path = sf.write(field, tmp_path / "a.x3p", comment="made, not <measured> & all")
+    theirs = open_topography(str(path), format="x3p").topography()
+    np.testing.assert_allclose(np.ma.filled(theirs.heights(), np.nan).T * 1e6, field.z, rtol=1e-14)
+    assert sf.read(path).meta["instrument_name"] == "software (vgonio)"
+    with zipfile.ZipFile(path) as archive:
+        main = archive.read("main.xml")
+        assert archive.read("md5checksum.hex").split()[0].decode() == hashlib.md5(main).hexdigest()
+    root = ElementTree.fromstring(main)
+    assert [e.tag for e in root] == ["Record1", "Record2", "Record3", "Record4"]
+    about = ["Date", "Instrument", "CalibrationDate", "ProbingSystem", "Comment"]
+    assert [e.tag for e in root.find("Record2")] == about
+    assert root.findtext("Record2/Comment") == "made, not <measured> & all"
+    with zipfile.ZipFile(sf.write(field, tmp_path / "b.x3p")) as archive:
+        assert ElementTree.fromstring(archive.read("main.xml")).find("Record2") is None
 
 
 def test_stl_is_the_surface_of_the_samples(tmp_path):

@@ -77,7 +77,8 @@ def _height_field(path: Path) -> None:
     )
     z = np.array(made.z)
     z[np.random.default_rng(5).random(z.shape) < 0.01] = np.nan
-    surface.write(surface.Heightfield(z, pitch_um=0.4, name=path.stem), path)
+    note = NOTE.format("a simulation of blasting")
+    surface.write(surface.Heightfield(z, pitch_um=0.4, name=path.stem), path, comment=note)
 
 
 def _brdf() -> Any:

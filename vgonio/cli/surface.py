@@ -61,6 +61,8 @@ def info(
         "interpolation": field.interpolation,
         "missing": field.missing,
     }
+    if "instrument_name" in field.meta:
+        facts["instrument"] = field.meta["instrument_name"]
     facts |= _parameters(field)
     if as_json:
         print_json(facts | {"history": list(field.history)})

@@ -23,7 +23,7 @@ def write(surface: Heightfield, path: str | os.PathLike[str], **options: Any) ->
     """Write `surface` in the format of the suffix of `path`; returns the path.
 
     .npz   exact (float64), or with int16=True in 65,000 steps over its range (scale_um sets the step)
-    .x3p   ISO 25178-72, heights as 64-bit floats in metres
+    .x3p   ISO 25178-72, heights as 64-bit floats in metres; comment="…" is kept with them
     .stl   binary, triangles between the samples as they stand, in µm; nothing where points are missing
     .csv   rows of heights in µm below comments with pitch and unit
     .vgms  float32; encoding="binary" | "ascii", compression="none" | "zlib" | "gzip", unit="um" | "nm" | …
