@@ -7,7 +7,8 @@ parts: `sight`, which pairs see each other and from how far the light comes; `ru
 reflection by blocks of points, against all pairs; `one`, one reflection of all points, each case in a process of its
 own: processor seconds of all threads, seconds, the most memory, and the error of blocks on eight rows; `whole`, a
 measurement by the solver: two reflections, one θ_i, 35 θ_o, the hemisphere's energies, the check of the spacing.
-Results are added to those of the file, so that the parts can be run one after another; the growth is that of all.
+Results are added to those of the file, so that the parts can be run one after another; the growth is that of all
+whole runs. `--strips 3` is a quick look at a patch for which there is no time.
 """
 
 from __future__ import annotations
@@ -101,14 +102,22 @@ def rules(slope: float, correlation: float, theta_i: float, name: str, side: flo
     return found
 
 
-def one(correlation: float, side: float, name: str, method: str) -> dict:
-    """One reflection of all points: processor seconds, seconds, and the error by blocks on eight rows."""
+def one(correlation: float, side: float, name: str, method: str, strips: int = 0) -> dict:
+    """One reflection of all points, or of some strips of eight rows, with seconds times all rows over theirs: processor
+    seconds, seconds, and the error by blocks on eight rows (NaN of strips)."""
     patch = patch_of(side, correlation)
     fields, k, index = lit(patch, THETA_I, name)
-    _Work.of(patch.grid, fields, k, index).reflect(0, 1, rules_of(method, patch))  # builds the kernels
+    work, chosen, rows = _Work.of(patch.grid, fields, k, index), rules_of(method, patch), len(patch.x)
+    work.reflect(0, 1, chosen)  # builds the kernels
     before, used = time.perf_counter(), time.process_time()
-    error = reflect(patch, fields, k, index, method)
-    return {"points": patch.grid.z.size, "error": error} | taken(before, used)
+    if not strips:
+        error = reflect(patch, fields, k, index, method)
+        return {"points": patch.grid.z.size, "error": error} | taken(before, used)
+    for share in (np.arange(strips) + 0.5) / strips:
+        work.reflect(int(share * rows) // 8 * 8, 8, chosen)
+    found = taken(before, used)
+    found |= {n: found[n] * rows / (8 * strips) for n in ("processor_s", "s")}
+    return {"points": patch.grid.z.size, "error": float("nan"), "strips": strips} | found
 
 
 def reflect(patch: Patch, fields: np.ndarray, k: float, index: complex | None, method: str) -> float:
@@ -174,7 +183,7 @@ def growth(rows: list[dict]) -> dict:
     """Exponents of points in processor seconds between neighbouring sides, of whole runs."""
     found: dict[str, float] = {}
     kept: dict[tuple, dict] = {}
-    for r in sorted((r for r in rows if r["part"] == "one"), key=lambda r: r["case"][1]):
+    for r in sorted((r for r in rows if r["part"] == "one" and not r.get("strips")), key=lambda r: r["case"][1]):
         t, side, name, method = r["case"]
         if (last := kept.get((t, name, method))) is not None:
             p = np.log(r["processor_s"] / last["processor_s"]) / np.log(r["points"] / last["points"])
@@ -189,6 +198,7 @@ def main(arguments: list[str] | None = None) -> dict:
     parser.add_argument("--quick", action="store_true", help="patches of 5 and 8 µm, some seconds")
     parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, help="these parts")
     parser.add_argument("--sides", nargs="+", type=float, default=[20.0, 40.0, 80.0], help="µm, of one and whole")
+    parser.add_argument("--strips", type=int, default=0, help="of one: so many strips of eight rows instead of all")
     parser.add_argument("--choose", default="", help="cases whose text holds these characters, such as 'Al blocks'")
     parser.add_argument("--case", help=argparse.SUPPRESS)
     parser.add_argument("-o", "--output", help="JSON file for the figures, which adds to what is there")
@@ -205,6 +215,8 @@ def main(arguments: list[str] | None = None) -> dict:
         for case in cases(part, asked.quick, asked.sides):
             if asked.choose not in " ".join(str(c) for c in case):
                 continue
+            if part == "one" and asked.strips:
+                case = (*case, asked.strips)
             found = here[part](*case) if part in here else alone(part, case)
             row = {"part": part, "case": list(case), **found, "at": time.strftime("%F %R")}
             rows = [r for r in rows if (r["part"], r["case"]) != (part, row["case"])] + [row]
