@@ -124,10 +124,8 @@ def readme_python(folder: str) -> str:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     block = re.search(r"```python\n(.*?)```", text, re.DOTALL)[1]  # type: ignore[index]
     lines = [line for line in block.splitlines() if re.match(r"import|surface =|gonio =|rays =|waves =|S =", line)]
-    path = Path(folder, "readme.py")
-    path.write_text(
-        "\n".join(lines).replace("sample.al3d", str(ROOT / "heightfields" / "sample1.npz")), encoding="utf-8"
-    )
+    path, there = Path(folder, "readme.py"), ROOT / "heightfields" / "sample1.npz"
+    path.write_text(re.sub(r'read\("[^"]*"\)', f'read("{there}")', "\n".join(lines)), encoding="utf-8")
     return str(path)
 
 
@@ -229,13 +227,14 @@ def table(rows: Iterable[dict[str, Any]]) -> str:
     found: dict[str, dict[tuple[str, str], dict[str, Any]]] = {}
     for r in rows:
         found.setdefault(r["name"], {})[r["part"], str(r["threads"])] = r
-    lines = ["| scene or program | s | 1 thread | built in | 2 threads | built in | memory | error |", "|" + "---|" * 8]
+    lines = ["| scene or program | s | fresh | built in | 2 threads | memory | error |", "|" + "---|" * 7]
     for name, of in found.items():
         one, two = (of.get(("all parts", n), {}) for n in "12")
         if not one and not two:
             continue
-        cells = [name, _two(one.get("elapsed"))]
-        cells += [_two(r.get(k)) for r in (one, two) for k in ("ratio", "ratio_built_in")]
+        took = min((float(one[k]) for k in ("elapsed", "processor") if one), default=None)
+        cells = [name.removesuffix(".py"), _two(took), _two(one.get("ratio")), _two(one.get("ratio_built_in"))]
+        cells.append(_two(two.get("ratio")))
         cells.append(_two(of.get(("memory", "1"), of.get(("memory", "2"), {})).get("ratio")))
         errors = {p.removesuffix(", error"): r for (p, n), r in of.items() if p.endswith("error") and n == "1"}
         cells.append(", ".join(f"{p.split(' ')[0]} {_two(r['ratio'])}" for p, r in errors.items()))

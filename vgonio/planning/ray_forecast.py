@@ -138,7 +138,10 @@ def _with_first_look(
     short = _FirstLook.at(solver, rays)
     allowed = max(SHARE * found.seconds, LOOK_SECONDS)
     for angles in (LOOKS, 1):
-        which = np.unique(np.linspace(0, len(incoming.theta_deg) - 1, angles + 2).round().astype(np.int64)[1:-1])
+        # of one alone the most oblique: where little light is stopped, it is stopped there
+        steep = [int(np.argmax(np.abs(incoming.theta_deg)))]
+        which = np.unique(np.linspace(0, len(incoming.theta_deg) - 1, LOOKS).round()) if angles > 1 else np.array(steep)
+        which = which.astype(np.int64)
         some = replace(incoming, theta_deg=np.asarray(incoming.theta_deg)[which])
         expected = _forecast(short, surface, some, detector, speeds, threads, None).seconds
         if expected <= allowed:
