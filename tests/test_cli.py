@@ -277,6 +277,15 @@ def test_compare_groups_of_one_result(result, capsys):
     assert "rays" in capsys.readouterr().out
 
 
+def test_groups_of_one_result_are_read_once(result, monkeypatch, capsys):
+    opened = []
+    monkeypatch.setattr(vg.measure, "open", lambda path, kept=vg.measure.open: opened.append(path) or kept(path))
+    assert main(["compare", f"{result}:rays", f"{result}:waves", str(result), "--json"]) == 0
+    assert opened == [result]
+    names = {row["of"] for row in json.loads(capsys.readouterr().out)}
+    assert {"result:rays", "result:waves", "result:rays (2)", "result:waves (2)"} <= names
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -195,9 +195,16 @@ def test_hdf5_reads_no_other_file(tmp_path, result, kind):
     path = vg.save(result, tmp_path / "r.nc")
     with h5py.File(path, "a") as file:
         LINKS[kind](file, tmp_path / "secret.h5")
-    for read in (vg.open, measure.read, open_fit, read_point, lambda p: vg.surface.read(p, pitch_um=1)):
+    for read in (vg.open, measure.read, open_fit, read_point):
         with pytest.raises(FileFormatError, match="other file|another file|holds itself"):
             read(path)
+    with pytest.raises(FileFormatError, match="is a result, and a height field is needed"):
+        vg.surface.read(path, pitch_um=1)  # refused by its bytes, before HDF5 opens it
+    with h5py.File(tmp_path / "plain.h5", "w") as file:
+        file.create_group("rays")
+        LINKS[kind](file, tmp_path / "secret.h5")
+    with pytest.raises(FileFormatError, match="other file|another file|holds itself"):
+        vg.surface.read(tmp_path / "plain.h5", pitch_um=1)
     matlab = tmp_path / "a.mat"  # HDF5 behind a head of 512 bytes
     with h5py.File(matlab, "w", userblock_size=512) as file:
         file.create_group("rays")

@@ -134,8 +134,9 @@ def known_material(name: str) -> str | None:
 def load_all(files: list[Path], one_point: bool = False) -> dict[str, Any]:
     """All BRDFs of several files by name, no two alike; with `one_point` InputError for those of a sweep."""
     data: dict[str, Any] = {}
+    opened: dict[Path, Any] = {}
     for file in files:
-        for name, found in _load(file).items():
+        for name, found in _load(file, opened).items():
             if one_point:
                 require_one_point(found, file)
             data[_unused(name, data)] = found
@@ -163,8 +164,11 @@ def load_one(file: Path, wanted: Callable[[Any], bool], what: str) -> Any:
     return found[0]
 
 
-def _load(file: Path) -> dict[str, Any]:
-    """The BRDFs of a result (all groups or the one named after a colon) or of a measured file, by name."""
+def _load(file: Path, opened: dict[Path, Any] | None = None) -> dict[str, Any]:
+    """The BRDFs of a result (all groups or the one named after a colon) or of a measured file, by name.
+
+    opened : groups of the results that were read before, so that none is read twice; those read now are added
+    """
     from .. import measure
     from ..simulation import simulated
 
@@ -172,10 +176,12 @@ def _load(file: Path) -> dict[str, Any]:
     path = Path(name) if name and not file.exists() else file
     if path.suffix.lower() not in RESULT_ENDINGS:
         return {path.stem: measure.read(file)}
+    opened = {} if opened is None else opened
     try:
-        groups = simulated(measure.open(path))
+        groups = opened[path] if path in opened else simulated(measure.open(path))
     except InputError as e:
         raise InputError(f"{path}: {e}") from None
+    opened[path] = groups
     if path is not file:
         if group not in groups:
             raise InputError(f"{path} has no group {group!r}: {nearest(group, groups)}")
