@@ -93,6 +93,17 @@ def test_fill_interpolate_minds_pitches_and_the_seam():
     )
 
 
+@pytest.mark.parametrize(("periodic", "expected"), [(True, 7.0), (False, 3.0)])
+def test_fill_nearest_looks_across_the_seam(periodic, expected):
+    """Columns 0 … 2 miss; the neighbour of column 0 is the last one of a periodic field, else column 3."""
+    z = np.tile(np.arange(8.0), (4, 1))
+    z[:, :3] = np.nan
+    with pytest.warns(VgonioWarning, match="missing"):
+        f = sf.fill(sf.Heightfield(z, 1.0, periodic=periodic), "nearest")
+    np.testing.assert_array_equal(f.z[:, 0], expected)
+    np.testing.assert_array_equal(f.z[:, 2], 3.0)
+
+
 def test_fill_never_leaves_the_range_of_the_rim(rng):
     z = rng.normal(size=(30, 30))
     z[rng.random(z.shape) < 0.4] = np.nan
