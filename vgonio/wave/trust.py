@@ -106,7 +106,7 @@ def _dominant_period(surface: Heightfield) -> float:
     power = np.mean(np.abs(np.fft.rfft(surface.z - surface.z.mean(), axis=1)) ** 2, axis=0)[1:]
     frequency = np.fft.rfftfreq(surface.shape[1], surface.pitch_um[1])[1:]
     if power.sum() == 0:
-        return float(surface.size_um[0])
+        return float(surface.size_um[1])
     return float(power.sum() / (power @ frequency))
 
 
