@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -185,21 +186,26 @@ def _shift_rows(
     name: str, data: Any, reflector: Any, p: Any, wavelength_n: float, limits: Any, traced: Any
 ) -> list[dict[str, Any]]:
     from ..compare import delta_e_2000, fit_global_shift, fit_local_shift, fit_two_shifts, fitted_spectra
-    from ..compare.significance import HEIGHT_OF, NO_SHIFT, is_shift
+    from ..compare.exponent import FEWEST_FOR_P, bound_words
+    from ..compare.significance import HEIGHT_OF, no_shift
 
     def row(quantity: str, value: Any, unit: str = "1", error: Any = None) -> dict[str, Any]:
         return {"of": name, "quantity": quantity, "value": value, "error": error, "unit": unit}
 
     def parameter(what: str, found: Any, key: str) -> dict[str, Any]:
-        height = HEIGHT_OF.get(key)
-        if height and not is_shift(float(found[height]), float(found[f"{height}_stderr"])):
-            return row(f"{what} {key}", None, NO_SHIFT)
-        return row(f"{what} {key}", float(found[key]), str(found[key].attrs["units"]), float(found[f"{key}_stderr"]))
+        height, error = HEIGHT_OF.get(key, key), float(found[f"{key}_stderr"])
+        why = no_shift(*(float(found[k]) for k in (height, f"{height}_stderr", "r2"))) if height[0] == "h" else ""
+        if why and height != key:
+            return row(f"{what} {key}", None, why)
+        said = f": {why}" if why else bound_words(float(found[key])) if key == "p" and free_p else ""
+        unit = str(found[key].attrs["units"])
+        return row(f"{what} {key}{said}", float(found[key]), unit, error if isfinite(error) else None)
 
     common: dict[str, Any] = {"wavelength_n_nm": wavelength_n, "wavelength_range_nm": limits}
     rows = []
+    free_p = p == "fit" and reflector is not None and data.sizes["wavelength"] >= FEWEST_FOR_P
     try:
-        if p == "fit" and data.sizes["wavelength"] < 5:
+        if p == "fit" and data.sizes["wavelength"] < FEWEST_FOR_P:
             p = 1.0 if reflector is not None else 0.0
         local = fit_local_shift(data, reflector, p, **common)
         for limit in ("0.95", "0.90"):

@@ -8,12 +8,19 @@ from ..errors import InputError
 from .spectra import Spectra
 
 P_BOUNDS = (0.0, 5.0)  # p counts reflections (thesis, below 4.2): beyond five nothing is left to see
+AT_BOUND = 1e-4  # a fitted exponent closer to a bound than that has stopped there
 FEWEST_FOR_P = 5  # wavelengths: two parameters and the value at λ_n leave two to judge the fit by
 
 
 def fixed_p(p: float | str) -> float:
     """The value of an exponent that is not fitted: 0 where "fit" was asked for but F is the same for all."""
     return 0.0 if isinstance(p, str) else float(p)
+
+
+def bound_words(p: float, p_bounds: tuple[float, float] = P_BOUNDS) -> str:
+    """ " (stopped at its bound 5)" for a fitted exponent that lies at one, so that it has no error; else ""."""
+    at = next((b for b in p_bounds if abs(p - b) < AT_BOUND), None)
+    return "" if at is None else f" (stopped at its bound {at:g})"
 
 
 def check_p(p: float | str) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .exponent import AT_BOUND
 from .spectra import Spectra
 
 Floats = NDArray[np.float64]
@@ -51,7 +52,7 @@ def solve(
 
 
 def _at_bound(parameter: Any) -> bool:
-    return min(parameter.value - parameter.min, parameter.max - parameter.value) < 1e-4
+    return min(parameter.value - parameter.min, parameter.max - parameter.value) < AT_BOUND
 
 
 def _start(

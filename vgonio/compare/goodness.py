@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
-from .spectra import Spectra
+from ..errors import InputError
+from ..models.clausen_2022 import WAVELENGTH_N_NM
+from .metrics import align
+from .spectra import Spectra, normalised_spectra
 
 Floats = NDArray[np.float64]
 
@@ -34,3 +38,16 @@ def aic(s: Spectra, used: NDArray[np.bool_], model: Floats, parameters: int) -> 
     square = np.sum(s.weight[used] * (s.values[used] - model[used]) ** 2)
     n = int(used.sum())
     return float(n * np.log(max(square, 1e-300) / n) + 2 * parameters)
+
+
+def spectra_r2(data: xr.Dataset, fit: xr.Dataset, wavelength_n_nm: float = WAVELENGTH_N_NM) -> float:
+    """`total_r2` of the spectra of data over their values at λ_n by those of another BRDF, as of a fitted model.
+
+    NaN where λ_n, nm, is beyond the wavelengths in common, or there are fewer than three.
+    """
+    try:
+        own, other = (normalised_spectra(d, None, wavelength_n_nm) for d in align(data, fit))
+    except InputError:
+        return float("nan")
+    used = own.used & other.used
+    return total_r2(own, used, other.values) if used.any() else float("nan")

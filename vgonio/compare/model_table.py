@@ -13,9 +13,10 @@ from ..errors import InputError
 from ..materials import Material
 from ..models import find
 from .colour import delta_e_2000
+from .goodness import spectra_r2
 from .metrics import nrmse
 from .model_fit import fit_model
-from .significance import HEIGHT_OF, NO_SHIFT, is_shift
+from .significance import HEIGHT_OF, no_shift
 
 MODELS = ("cook-torrance-1982", "clausen-2022")
 
@@ -71,6 +72,7 @@ def model_table(
             difference, why = _difference(samples[sample], fit, scale)
             gain = _gain(first, difference)
             first = difference if first is None else first
+            r2 = spectra_r2(samples[sample], fit) if "h" in fit or "h1" in fit else np.nan
             rows.append(
                 {
                     "sample": sample,
@@ -80,7 +82,7 @@ def model_table(
                     "rms_residual": fit.attrs["rms_residual"],
                     "gain": gain[0],
                     "gain_stderr": gain[1],
-                    "parameters": parameter_text(fit),
+                    "parameters": parameter_text(fit, r2),
                     "notes": [*json.loads(fit.attrs["notes"]), *([f"no dE00: {why}"] if why else [])],
                 }
             )
@@ -111,17 +113,18 @@ def _gain(first: xr.DataArray | None, second: xr.DataArray | None) -> tuple[floa
     return float(mean), float(error)
 
 
-def parameter_text(fit: xr.Dataset) -> str:
+def parameter_text(fit: xr.Dataset, r2: float = np.nan) -> str:
     """alpha = 0.3500 ± 0.0002, h = …; coefficients as their range over the spectrum.
 
-    Where h is no shift, w means nothing: `NO_SHIFT` stands in its place.
+    Where h is no shift, by its error or by r2 of the normalised spectra, w means nothing: the reason stands there.
     """
     parts = []
     for name in json.loads(fit.attrs["free"]):
         value, error = float(fit[name]), float(fit[f"{name}_stderr"])
         height = HEIGHT_OF.get(name)
-        if height in fit and not is_shift(float(fit[height]), float(fit.get(f"{height}_stderr", np.nan))):
-            parts.append(NO_SHIFT)
+        why = no_shift(float(fit[height]), float(fit.get(f"{height}_stderr", np.nan)), r2) if height in fit else ""
+        if why:
+            parts.append(why)
             continue
         text = f"{name} = {value:.4g}" + (f" ± {error:.1g}" if np.isfinite(error) else "")
         units = str(fit[name].attrs.get("units", "1"))

@@ -9,7 +9,8 @@ import numpy as np
 import xarray as xr
 
 from .colour import SCALE_WORDS, SCALES
-from .significance import NO_SHIFT, is_shift
+from .exponent import bound_words
+from .significance import no_shift
 
 Row = dict[str, Any]
 # quantity of a result: name in the table, variable, its standard error
@@ -30,7 +31,7 @@ def summary(comparison: xr.Dataset) -> list[Row]:
     scale = str(comparison.attrs.get("delta_e_scale", SCALES[0]))
     rows = [row for pair in _names(comparison, "pair") for row in _pair_rows(pair, comparison.sel(pair=pair), scale)]
     for result in _names(comparison, "result"):
-        rows += _result_rows(result, comparison.sel(result=result))
+        rows += _result_rows(result, comparison.sel(result=result), _p_is_free(comparison))
     for part, reason in json.loads(comparison.attrs.get("skipped", "{}")).items():
         rows.append({"of": part, "quantity": "left out", "value": None, "error": None, "unit": reason})
     return rows
@@ -65,7 +66,13 @@ def _pair_rows(pair: str, data: xr.Dataset, scale: str) -> list[Row]:
     return rows
 
 
-def _result_rows(result: str, data: xr.Dataset) -> list[Row]:
+def _p_is_free(comparison: xr.Dataset) -> bool:
+    """Whether p was fitted: asked for, with an F that depends on the wavelength, and enough wavelengths (else 1)."""
+    asked, material = (str(comparison.attrs.get(k, "")) for k in ("exponent", "material"))
+    return asked == "fit" and not material.startswith("none")
+
+
+def _result_rows(result: str, data: xr.Dataset, free_p: bool) -> list[Row]:
     rows = []
     if "slope" in data:
         slopes = data["slope"].values
@@ -75,8 +82,13 @@ def _result_rows(result: str, data: xr.Dataset) -> list[Row]:
     for quantity, name, error in _SHIFT:
         if name in data and np.isfinite(data[name]):
             stderr = data[error] if error else None
-            if name == "shift_w" and not is_shift(float(data["shift_h"]), float(data["shift_h_stderr"])):
-                rows.append(_row(result, quantity, None, NO_SHIFT))
+            why = no_shift(*(float(data[f"shift_{k}"]) for k in ("h", "h_stderr", "r2")))
+            if name == "shift_w" and why:
+                rows.append(_row(result, quantity, None, why))
                 continue
+            if name == "shift_h" and why:
+                quantity += f": {why}"
+            if name == "shift_p" and free_p:
+                quantity += bound_words(float(data[name]))
             rows.append(_row(result, quantity, data[name], str(data[name].attrs["units"]), stderr))
     return rows

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from ..compare.significance import NO_SHIFT, SIGMAS, is_shift
+from ..compare.exponent import bound_words
+from ..compare.significance import SIGMAS, no_shift
 from ..errors import VgonioError
 from . import quantities as q
 from .content import Content
@@ -121,8 +122,11 @@ def global_fit_table(comparison: xr.Dataset, titles: Mapping[str, str]) -> Table
         fit = comparison.sel(result=name)
         if np.isfinite(float(fit["shift_h"])):
             cells = [with_error(fit, k, scale.get(k, 1.0)) for k in ("h", "w", "t_y", "p")]
-            if not is_shift(float(fit["shift_h"]), float(fit["shift_h_stderr"])):
-                cells[1] = NO_SHIFT
+            why = no_shift(*(float(fit[f"shift_{k}"]) for k in ("h", "h_stderr", "r2")))
+            if why:
+                cells[0], cells[1] = f"{cells[0]}: {why}", "–"
+            if comparison.attrs.get("exponent") == "fit" and fit.attrs.get("material") != "none (F = 1)":
+                cells[3] += bound_words(float(fit["shift_p"]))
             rows.append((titles.get(str(name), str(name)), *cells, number(float(fit["shift_r2"]), 2)))
     head = ("Global fit of the shift", "h (% per 100 nm)", "w", "t (% per 100 nm)", "p", "r²")
     return Table(head, rows, numeric=(1, 2, 3, 4, 5)) if rows else None
