@@ -17,11 +17,11 @@ from ..directions import Detector, Incoming, wavelength_list
 from ..errors import InputError, VgonioWarning, nearest, relative_tolerance, whole
 from ..materials import Material, material
 from ..surface.heightfield import Heightfield
-from ..surface.mesh import mirrored
-from .beam import Scene, warn_of_fine_relief
+from .beam import warn_of_fine_relief
 from .fresnel_table import FresnelTable
 from .outcome import dataset
 from .sampling import ESTIMATORS, Settings, sample_angle
+from .sides import caution, edges_in_words, scenes
 from .statistics import statistics_variables
 from .tally import Tally, tally
 from .trace import Paths
@@ -29,7 +29,6 @@ from .tracers import TRACERS
 
 Floats = NDArray[np.float64]
 LOST_TOO_MUCH = 0.01  # a share that is worth a warning
-LOST_ENOUGH = 5e-4  # a finite sample that loses more of a trial through its sides is mirrored instead
 MOST_RAYS = 10**15  # years of tracing: a slip of the pen
 EDGES = ("auto", "guard", "mirror")
 
@@ -45,8 +44,9 @@ class RayOptics:
     89°)
     bounces : entries kept apart by number of reflections, the last gathers the rest
     refinement : mesh cells per sample;  edges : what happens at the sides of a finite sample: "guard" starts rays only
-    where what they can reach is real, "mirror" continues it by reflection, "auto" takes the guard band if it loses
-    less than 5e-4. Periodic surfaces wrap.
+    where what they can reach is real, "mirror" continues it by reflection, "auto" takes the guard band at those angles
+    of incidence where it loses less than 5e-4, or 1e-2 of a surface whose slopes lean to one side (mirrors would turn
+    them round; where it comes to that a warning says so). Periodic surfaces wrap.
     estimator : "binning" sorts rays into the detector; "facets" sends light onto those facets only whose single
     reflection falls into a detector cone, and more of it where paths of several reflections into cones begin; "auto"
     does that for cones in parallel light, where it needs far fewer rays (not beyond 64 facets to a ray, 8 of
@@ -100,8 +100,9 @@ class RayOptics:
     def scatter(self, surface: Heightfield, incoming: Incoming, detector: Detector) -> xr.Dataset:
         """The BRDF and the energy tallies of `surface`, (theta_i, detector, wavelength), with standard errors."""
         start = time.perf_counter()
-        scene, edges = self._scene(surface, incoming)
-        warn_of_fine_relief(scene.mesh)
+        at, mirror = scenes(self, surface, incoming)
+        largest = max(at, key=lambda scene: len(scene.mesh.faces))
+        warn_of_fine_relief(largest.mesh)
         table = FresnelTable(self.material, self.wavelength_nm)  # type: ignore[arg-type]
         seeds = np.random.SeedSequence(self.seed).spawn(len(incoming.theta_deg))
         settings = self._settings()
@@ -111,27 +112,31 @@ class RayOptics:
 
         results = []
         for i, seed in enumerate(seeds):
-            results.append(sample_angle(scene, incoming, i, detector, settings, sort, np.random.default_rng(seed)))
+            results.append(sample_angle(at[i], incoming, i, detector, settings, sort, np.random.default_rng(seed)))
             if self.progress:
                 self.progress((i + 1) / len(seeds))
         tallies, estimators, points = zip(*results)
         data = dataset(self, list(tallies), incoming, detector)
         if self.statistics:
-            found, coords = statistics_variables(scene, incoming, self.bounces, self.rays, self.max_bounces, self.seed)
+            found, coords = statistics_variables(at, incoming, self.bounces, self.rays, self.max_bounces, self.seed)
             data = label(data.assign(found).assign_coords(coords))
         if self.refinement_check:
             data = self._with_refinement_change(data, surface, incoming, detector)
         self._warn_of_losses(float(data["energy_lost"].max()))
         data.attrs |= {
-            "edges": edges,
+            "edges": edges_in_words(surface, incoming, mirror),
             "seconds": time.perf_counter() - start,
-            "facets": len(scene.mesh.faces),
-            "backend": scene.tracer.name,
-            "device": scene.tracer.device,
+            "facets": len(largest.mesh.faces),
+            "backend": largest.tracer.name,
+            "device": largest.tracer.device,
             "estimator": ", ".join(sorted(set(estimators))),
             "facet_points": sum(points),
             "surface": surface.name,
         }
+        told = caution(surface, incoming, mirror)
+        if told:
+            data.attrs["edges_caution"] = told
+            warnings.warn(told, VgonioWarning, stacklevel=2)
         return data
 
     def _with_refinement_change(
@@ -167,24 +172,3 @@ class RayOptics:
             wavelengths=len(self.wavelength_nm),
             polarised=self.polarised,
         )
-
-    def _scene(self, surface: Heightfield, incoming: Incoming) -> tuple[Scene, str]:
-        """Mesh and tracer; for a finite sample the guard band or, if that loses too much, the mirrored supercell."""
-        if surface.periodic:
-            return Scene.of(surface, self.refinement, self.tracer), "periodic"
-        if self.edges != "mirror":
-            scene = Scene.of(surface, self.refinement, self.tracer)
-            if self.edges == "guard" or self._guard_loses(scene, incoming) < LOST_ENOUGH:
-                return scene, "guard band"
-        return Scene.of(mirrored(surface), self.refinement, self.tracer), "mirrored 2 × 2 supercell"
-
-    def _guard_loses(self, scene: Scene, incoming: Incoming) -> float:
-        """Largest share of a trial of rays that leaves through the sides."""
-        worst = 0.0
-        for i in np.argsort(-np.abs(incoming.theta_deg))[:1].tolist() + [int(np.argmin(np.abs(incoming.theta_deg)))]:
-            rng = np.random.default_rng(0)
-            if scene.start_area(incoming, i) is None:
-                return 1.0
-            lost = sum(int((~p.escaped).sum()) for p in scene.paths(incoming, i, 20_000, rng, self.max_bounces, 5000))
-            worst = max(worst, lost / 20_000)
-        return worst

@@ -6,6 +6,7 @@ of its own is followed hit by hit, over as many periods as they cross.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -83,21 +84,24 @@ def travelled(mesh: Mesh, start: Floats, end: Floats, direction: Floats) -> Floa
 
 
 def statistics_variables(
-    scene: Scene, incoming: Incoming, kept: int, rays: int, max_bounces: int, seed: int
+    scenes: Sequence[Scene], incoming: Incoming, kept: int, rays: int, max_bounces: int, seed: int
 ) -> tuple[Variables, dict[str, Any]]:
     """Variables and coordinates of the path statistics, (theta_i, bounce) of the rays that left upward.
 
     bounce = 1 … kept, the last gathers the rest. Where no path has so many reflections the means are 0 and
     `paths_followed` says so.
     """
-    x0, x1, y0, y1 = scene.mesh.box
-    cell = np.sqrt((x1 - x0) * (y1 - y0) / len(scene.mesh.faces))
+    mesh = max((scene.mesh for scene in scenes), key=lambda mesh: len(mesh.faces))
+    x0, x1, y0, y1 = mesh.box
+    cell = np.sqrt((x1 - x0) * (y1 - y0) / len(mesh.faces))
     distance = np.geomspace(cell, max(x1 - x0, y1 - y0), DISTANCES)
     towards = np.array([np.cos(np.deg2rad(incoming.phi_deg)), np.sin(np.deg2rad(incoming.phi_deg))])
     rows = []
     for i in range(len(incoming.theta_deg)):
         rng = np.random.default_rng([seed, i, 1])
-        rows.append(_of_one_angle(follow(scene, incoming, i, min(rays, MOST_RAYS), rng, max_bounces), kept, distance))
+        rows.append(
+            _of_one_angle(follow(scenes[i], incoming, i, min(rays, MOST_RAYS), rng, max_bounces), kept, distance)
+        )
         rows[-1]["last_facet_slope_mean"] = rows[-1].pop("slope_mean") @ towards
     variables: Variables = {
         name: (("theta_i", "distance" if name == "second_hit_beyond" else "bounce"), np.stack([r[name] for r in rows]))
