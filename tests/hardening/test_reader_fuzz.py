@@ -202,7 +202,7 @@ def test_damaged_files_of_instruments(shared, tmp_path, name):
 def _x3p(nx: int, ny: int, body: bytes) -> dict[str, bytes]:
     from vgonio.surface.x3p import _MAIN
 
-    main = _MAIN.format(dx=1e-6, dy=1e-6, nx=nx, ny=ny, data_sum="0", valid="")
+    main = _MAIN.format(dx=1e-6, dy=1e-6, nx=nx, ny=ny, data_sum="0", valid="", about="")
     return {"main.xml": main.encode(), "bindata/data.bin": body, "md5checksum.hex": b"0 *main.xml\n"}
 
 
