@@ -15,16 +15,29 @@ from .forecast import Forecast
 if TYPE_CHECKING:
     import xarray as xr
 
+    from ..surface import Heightfield
+
 
 def warnings_of(scene: Scene, inputs: Inputs, expected: Mapping[str, Forecast]) -> list[str]:
     found: list[str] = []
     scalar = [t for t in scene.wave.theory if t != "full-wave"] if scene.wave is not None else []
     if inputs.surface is not None and scene.wave is not None and scalar:
         found += wave_warnings(inputs.surface, scalar, scene.light, _largest_theta_o(scene), scene.wave.shadowing)
+        found += _cut_window(scene, inputs.surface)
         found += _long(scene, expected)
     if inputs.measured is not None and scene.light is not None:
         found += _measured_warnings(inputs.measured, scene.light)
     return found
+
+
+def _cut_window(scene: Scene, surface: Heightfield) -> list[str]:
+    """A line where iterated Kirchhoff will not take the coherence length of the light."""
+    if scene.wave is None or "iterated-kirchhoff" not in scene.wave.theory:
+        return []
+    from .iterated_choice import places_of
+
+    cut = places_of(scene, surface, scene.wave.window_um).cut
+    return [f"iterated-kirchhoff: {cut}"] if cut else []
 
 
 def _long(scene: Scene, expected: Mapping[str, Forecast]) -> list[str]:

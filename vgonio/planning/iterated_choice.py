@@ -61,7 +61,7 @@ def changed_by(share: float, independent: float) -> float:
 def _bounces(scene: Scene, surface: Heightfield) -> list[Variant]:
     assert scene.wave is not None
     gonio = assembly.gonioreflectometer(scene)
-    independent = _places(scene, surface, scene.wave.window_um).independent
+    independent = places_of(scene, surface, scene.wave.window_um).independent
     asked = scene.wave.bounces
     left = _left_after(scene, surface, gonio.incoming)
     found = []
@@ -97,10 +97,10 @@ def _windows(scene: Scene, surface: Heightfield) -> Iterator[Variant]:
 
     assert scene.wave is not None
     incoming, asked = assembly.gonioreflectometer(scene).incoming, scene.wave.window_um
-    usual = _places(scene, surface, asked).window_um
+    usual = places_of(scene, surface, asked).window_um
     for wider in WIDER if asked is None else (1.0,):
         try:
-            places = _places(scene, surface, asked or usual * wider)
+            places = places_of(scene, surface, asked or usual * wider)
         except InputError:  # larger than the surface
             return
         hits = [second_hits(surface, places.windows, places.length_um, wi, 0) for wi in incoming.vectors]
@@ -112,7 +112,8 @@ def _windows(scene: Scene, surface: Heightfield) -> Iterator[Variant]:
             return
 
 
-def _places(scene: Scene, surface: Heightfield, window_um: float | None) -> Any:
+def places_of(scene: Scene, surface: Heightfield, window_um: float | None) -> Any:
+    """The windows of iterated Kirchhoff on the scene's surface."""
     from ..wave.iterated.place import Places
 
     assert scene.wave is not None

@@ -60,7 +60,8 @@ class IteratedKirchhoff:
         warning above 1 %; without them and on patches 0.2 to 10 %, since edges of shadows fall between the points
         wherever they are, with a warning above tol
     window_um : full side of the patch. The amplitude falls as exp(−r²/2ℓ²) with ℓ the smaller of the light's coherence
-        length and a sixth of the side. None takes six coherence lengths, in three dimensions at most 20 µm
+        length and a sixth of the side. None takes six coherence lengths, in three dimensions at most 20 µm, no more
+        than a finite surface holds; where ℓ is not the light's, a warning and `remarks` say so
     windows : at most so many windows, spread over the surface; None takes all of a profile, one patch in 3-D
     beam : "window", weights on the points as in `Kirchhoff`, or (profiles alone) "tapered", a beam that solves the wave
         equation, as in the full-wave solver
@@ -137,6 +138,7 @@ class IteratedKirchhoff:
         found, error = (self._profile if surface.is_profile else self._patches)(surface, incoming, detector, places)
         data = self._dataset(surface, incoming, detector, places, found)
         reasons = limits(surface, incoming.theta_deg, self.wavelength_nm)
+        reasons += [places.cut] if places.cut else []
         if reasons:
             warnings.warn("iterated Kirchhoff: " + "; ".join(reasons), VgonioWarning, stacklevel=3)
         if self.polarised:
