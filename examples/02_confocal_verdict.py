@@ -177,12 +177,12 @@ print(
 )
 
 # %% [markdown]
-# The careless lobe is off by half as much again, although its α is wrong by a factor of 2.5: a few spikes dominate an
+# The careless lobe is off by nearly twice as much, although its α is wrong by a factor of 2.5: a few spikes dominate an
 # RMS value, but not a lobe. They show up as light where there should be none, back towards the source at 60°.
 #
 # The verdict: rays explain this measurement as well as this piece of the sample allows one to tell. The wave theory is
 # neither better nor refuted, because on so small a field its speckle hides what it lacks. The limits of the verdict:
-# two theories can be told apart only where they differ by more than the errors of the piece (5 %), of the filter (6 %)
+# two theories can be told apart only where they differ by more than the errors of the piece (16 %), of the filter (6 %)
 # and of the speckle together. Measuring more fields of view reduces the first and the last. Texture that is finer than
 # the microscope resolves cannot be judged at all.
 #
