@@ -127,6 +127,9 @@ def surfaces(folder: Path) -> dict[str, bytes]:
     found["usurf.txt"] = b"DATA\n0\t1\t2\n0\t1\t2\t3\n1\t4\t5\t6\n"
     found["am.txt"] = b"AsciiMatrix 3 2 1 1\n1 2 3\n4 5 6\n"
     found["matrix.asc"] = b"# Channel: Height\n# Width: 3 um\n# Height: 3 um\n# Value units: nm\n1 2 3\n4 5 6\n7 8 10\n"
+    np.savetxt(folder / "own.csv", field.z, delimiter=",")
+    np.save(folder / "own.npy", field.z)
+    found["own.csv"], found[".npy"] = ((folder / name).read_bytes() for name in ("own.csv", "own.npy"))
     found[".xyz"] = b"".join(b"%d %d %d\n" % (x, y, x * y) for x in range(4) for y in range(3))
     scipy.io.savemat(folder / "a.mat", {"z": rng.normal(size=(8, 9))})
     with h5py.File(folder / "a.h5", "w") as file:

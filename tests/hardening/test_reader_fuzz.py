@@ -242,6 +242,9 @@ def _announcements(folder: Path) -> list[Path]:
         files.append(_zip(folder / name, {member: b"<x>" + BLANKS + b"</x>"}))
     pitch = _npy((40_000_000,), "<f8") + BLANKS
     files.append(_zip(folder / "bomb.npz", {"z.npy": _npy((2, 2), "<f8", b"12345678" * 4), "pitch_um.npy": pitch}))
+    for name, shape in (("lie.npy", (10**5, 10**5)), ("negative.npy", (-3, 3)), ("overflow.npy", (2**33, 2**33))):
+        (folder / name).write_bytes(_npy(shape, "<f8", b"12345678"))
+        files.append(folder / name)
     texts = {"lie.txt": "AsciiMatrix 99999 99999 1 1\n1 2 3\n", "negative.txt": "AsciiMatrix -2 -2 1 1\n1 2 3 4\n"}
     texts["word.txt"] = "DATA\n" + "1" * 3_000_000 + "\n1\t2\n"
     for name, text in texts.items():
@@ -287,7 +290,10 @@ def test_hdf5_announcements_allocate_nothing(result, tmp_path):
 def _all_readers() -> list[tuple[str, Callable[[Path], object], bytes]]:
     """(name of a file, reader, a good content or none) of everything that reads a file."""
     rows: list[tuple[str, Callable[[Path], object], bytes]] = [(c.name, c.read, c.content) for c in TEXT]
-    rows += [(f"a{s}", vg.surface.read, b"") for s in (".npz", ".x3p", ".vgms", ".txt", ".csv", ".mat", ".h5", ".al3d")]
+    rows += [
+        (f"a{s}", vg.surface.read, b"")
+        for s in (".npz", ".npy", ".x3p", ".vgms", ".txt", ".csv", ".mat", ".h5", ".al3d")
+    ]
     rows += [(f"a{s}", measure.read, b"") for s in (".json", ".nc", ".csv", ".bsdf", ".astm", ".binary")]
     return [*rows, ("a.nc", vg.open, b""), ("a.json", open_fit, b""), ("b.nc", open_fit, b"")]
 

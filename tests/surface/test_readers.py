@@ -308,6 +308,67 @@ def test_plain_text_matrix_asks_for_what_it_lacks(tmp_path):
     assert sorted(f.z.ravel()) == pytest.approx([n * 1e-3 for n in (1, 2, 3, 4, 5, 6, 7, 8, 10)])
 
 
+# ---- arrays of a user's own
+def _written(folder: Path, z: np.ndarray) -> list[Path]:
+    """The same array in all ways: savetxt with comments and separators, np.save in both orders and three types."""
+    for name, options in {
+        "a.csv": {"delimiter": ","},
+        "b.txt": {},
+        "c.dat": {"delimiter": "\t", "header": "heights"},
+    }.items():
+        np.savetxt(folder / name, z, **options)
+    german = "\n".join(";".join(f"{v:.17g}".replace(".", ",") for v in row) for row in z)
+    file(folder, "d.csv", german + "\n")
+    for name, array in {"e.npy": z, "f.npy": np.asfortranarray(z), "g.npy": z.astype(">f8")}.items():
+        np.save(folder / name, array)
+    return sorted(p for p in folder.iterdir() if p.suffix in (".csv", ".txt", ".dat", ".npy"))
+
+
+def test_a_matrix_of_ones_own_is_read_row_by_row(tmp_path):
+    z = np.random.default_rng(2).normal(size=(5, 7))
+    z[1, 2] = np.nan
+    paths = _written(tmp_path, z)
+    assert len(paths) == 7
+    for path in paths:
+        f = sf.read(path, pitch_um=(0.5, 0.25), height_unit="um")
+        np.testing.assert_array_equal(f.z, z, err_msg=path.name)
+        assert f.pitch_um == (0.5, 0.25)
+    file(tmp_path, "gap.csv", "1,2,3,4\n5,,7,8\n")
+    gap = sf.read(tmp_path / "gap.csv", pitch_um=1.0, height_unit="nm").z
+    np.testing.assert_allclose(gap, [[1e-3, 2e-3, 3e-3, 4e-3], [5e-3, np.nan, 7e-3, 8e-3]], rtol=1e-15)
+    np.save(tmp_path / "whole.npy", np.arange(6).reshape(2, 3))
+    assert sf.read(tmp_path / "whole.npy", pitch_um=1.0, height_unit="mm").z.max() == pytest.approx(5000, rel=1e-15)
+
+
+def test_a_matrix_of_ones_own_asks_for_pitch_and_unit_at_once(tmp_path):
+    for path in _written(tmp_path, np.ones((4, 5)) + np.eye(4, 5)):
+        with pytest.raises(FileFormatError, match=r"give height_unit \(um, nm, …\) and pitch_um \(µm\)"):
+            sf.read(path)
+        with pytest.raises(FileFormatError, match="no unit of heights: give height_unit"):
+            sf.read(path, pitch_um=1.0)
+        with pytest.raises(FileFormatError, match="no pitch: give pitch_um"):
+            sf.read(path, height_unit="nm")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [("a.csv", "1,2,3,4\n5,6,7\n", "not a matrix of numbers"), ("a.csv", "1,2,3,4\n5,x,7,8\n", "not a matrix"),
+     ("a.csv", "a,b,c,d\n1,2,3,4\n", "every line holds numbers only"), ("a.npy", b"PK12", "begins with")],
+)  # fmt: skip
+def test_what_is_no_matrix_says_what_one_is(tmp_path, name, content, said):
+    with pytest.raises(FileFormatError, match=said):
+        sf.read(file(tmp_path, name, content), pitch_um=1.0, height_unit="um")
+
+
+@pytest.mark.parametrize(
+    "array", [np.array([[{}, {}]], object), np.ones((2, 2), complex), np.ones(5), np.ones((2, 2, 2))]
+)
+def test_npy_takes_two_dimensional_real_numbers_only(tmp_path, array):
+    np.save(tmp_path / "a.npy", array, allow_pickle=True)
+    with pytest.raises(FileFormatError, match="two-dimensional real numbers are read"):
+        sf.read(tmp_path / "a.npy", pitch_um=1.0, height_unit="um")
+
+
 # ---- fuzz
 def _samples(folder: Path) -> dict[str, bytes]:
     f = sf.Heightfield(np.random.default_rng(1).normal(size=(12, 9)), 5.0)

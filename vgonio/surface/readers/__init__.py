@@ -18,16 +18,17 @@ from ...units import to_um
 from ..checks import pitch_pair
 from ..heightfield import Heightfield
 from ..interpolant import KINDS
-from . import ascii_matrix, csv_grid, instrument, npz, usurf_text, vgms
+from . import ascii_matrix, csv_grid, instrument, matrix, npz, usurf_text, vgms
 from .common import Format, RawSurface
 
 OURS: tuple[Format, ...] = (npz.FORMAT, vgms.FORMAT, usurf_text.FORMAT, ascii_matrix.FORMAT, csv_grid.FORMAT)
+_GIVE_UNIT = "give height_unit (um, nm, …)"
 
 
 def formats() -> dict[str, str]:
     """Suffix → name of the format that reads it, ours first."""
     table = dict(instrument.SUFFIXES)
-    for known in reversed(OURS):
+    for known in (matrix.NPY, *reversed(OURS)):
         table.update(dict.fromkeys(known.suffixes, known.name))
     return dict(sorted(table.items()))
 
@@ -76,9 +77,13 @@ def _format_of(path: Path) -> Format:
         # the first bytes decide before a suffix that several programs use; "PK" begins every zip archive
         if known.magic and start.startswith(known.magic) and known is not npz.FORMAT:
             return known
+    if suffix in matrix.NPY.suffixes and start.startswith(matrix.NPY.magic):
+        return matrix.NPY
+    if matrix.is_matrix(path):
+        return matrix.FORMAT
     if suffix in instrument.SUFFIXES:
         return instrument.FORMAT
-    named = next((known for known in OURS if suffix in known.suffixes), None)
+    named = next((known for known in (*OURS, matrix.NPY) if suffix in known.suffixes), None)
     if named is not None:
         raise FileFormatError(f"{path} is not a {named.name} file: it begins with {start[:8]!r}")
     raise FileFormatError(f"{path}: unknown suffix {path.suffix!r}: known are {' '.join(formats())}")
@@ -98,7 +103,7 @@ def _heightfield(
         pitch = pitch_pair(pitch_um)
         steps.append(f"pitch set to {pitch[1]:g} × {pitch[0]:g} µm (file: {was})")
     elif raw.pitch_um is None:
-        raise FileFormatError(f"{path}: this {raw.format} file has no pitch: give pitch_um (µm)")
+        raise _lacking(raw, path, height_unit)
     else:
         pitch = _pitch_of_file(raw, path)
     factor = _height_factor(raw, path, height_unit)
@@ -120,12 +125,21 @@ def _heightfield(
     )
 
 
+def _lacking(raw: RawSurface, path: Path, height_unit: str | None) -> FileFormatError:
+    """What to say of a file without pitch: all that has to be given, at once."""
+    if height_unit is None and raw.height_unit is None:
+        return FileFormatError(
+            f"{path}: this {raw.format} file has no pitch and no unit of heights: {_GIVE_UNIT} and pitch_um (µm)"
+        )
+    return FileFormatError(f"{path}: this {raw.format} file has no pitch: give pitch_um (µm)")
+
+
 def _height_factor(raw: RawSurface, path: Path, height_unit: str | None) -> float:
     """Micrometres per unit of the numbers in the file."""
     if height_unit is not None:
         return to_um(height_unit)
     if raw.height_unit is None:
-        raise FileFormatError(f"{path}: this {raw.format} file has no unit of heights: give height_unit")
+        raise FileFormatError(f"{path}: this {raw.format} file has no unit of heights: {_GIVE_UNIT}")
     try:
         return to_um(raw.height_unit)
     except InputError:

@@ -75,6 +75,7 @@ _POINTS_PER_BYTE = 1032
 _DESCRIPTIONS = {".xml", ".json", ".txt", ".properties", ".dsc", ".hex", ".ini"}
 _MOST_DESCRIPTION = 10_000_000
 _MOST_RATIO = 100
+_REMEDY = " (a matrix of heights is read where every line holds numbers only, at least four: without names or an index)"
 
 
 def read(path: Path) -> RawSurface:
@@ -128,7 +129,8 @@ def _reader(path: Path) -> Any:
             return candidate(str(path))
         except Exception as e:  # see above
             reason = _line(e)
-    raise FileFormatError(f"{path} cannot be read as {SUFFIXES[suffix]}: {reason}")
+    remedy = _REMEDY if "text" in SUFFIXES[suffix] else ""
+    raise FileFormatError(f"{path} cannot be read as {SUFFIXES[suffix]}: {reason}{remedy}")
 
 
 def _surface(reader: Any, path: Path) -> RawSurface:

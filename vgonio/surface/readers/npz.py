@@ -11,8 +11,9 @@ from __future__ import annotations
 import json
 import zipfile
 import zlib
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from .common import Format, RawSurface, require_points
 MISSING = -32768
 _SMALL = ("scale_um", "offset_um", "pitch_um", "periodic", "interpolation", "name", "history", "meta")
 _SMALL_BYTES = 4_000_000
+Check = Callable[[str, tuple[int, ...], np.dtype, Path], None]
 
 
 def read(path: Path) -> RawSurface:
@@ -76,12 +78,20 @@ def _heights(z: np.ndarray, facts: dict[str, np.ndarray]) -> np.ndarray:
 def _array(archive: zipfile.ZipFile, key: str, path: Path) -> np.ndarray:
     """One array, its declared shape checked against what the archive really holds before it is made."""
     with archive.open(f"{key}.npy") as member:
-        version = np.lib.format.read_magic(member)
-        read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, fortran, dtype = read_header(member)
-        _check(key, shape, dtype, path)
-        size = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
-        body = member.read(size)
+        return array_of(member, key, path, _check)
+
+
+def array_of(stream: IO[bytes], key: str, path: Path, check: Check) -> np.ndarray:
+    """The array of a `.npy` stream; check(key, shape, dtype, path) refuses before bytes are read. Never unpickles."""
+    version = np.lib.format.read_magic(stream)
+    read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    try:
+        shape, fortran, dtype = read_header(stream)
+    except Exception as e:  # the header is parsed as Python, and a damaged one fails in as many ways
+        raise FileFormatError(f"{path}: the header of {key!r} is damaged ({_line(e)[:200]!r})") from None
+    check(key, shape, dtype, path)
+    size = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
+    body = stream.read(size)
     if len(body) != size:
         raise FileFormatError(f"{path}: array {key!r} is truncated: {len(body)} of {size} bytes")
     return np.frombuffer(body, dtype=dtype).reshape(shape, order="F" if fortran else "C")
