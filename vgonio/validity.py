@@ -63,6 +63,11 @@ def wave_warnings(
 
 def expectations(surface: Heightfield, theories: list[str], light: Any) -> list[Expectation]:
     """The worst error to expect of each theory over the scene's angles and its shortest and longest wavelength."""
+    return [max(cases, key=lambda e: e.error[1]) for cases in _expected(surface, theories, light)]
+
+
+def _expected(surface: Heightfield, theories: list[str], light: Any) -> list[list[Expectation]]:
+    """For each theory of the table one for every angle and the shortest and longest wavelength; none for a plane."""
     from .wave import trust
 
     grating = trust.equivalent_grating(surface)
@@ -70,29 +75,28 @@ def expectations(surface: Heightfield, theories: list[str], light: Any) -> list[
         return []
     ends = sorted({min(light.wavelength_nm), max(light.wavelength_nm)})
     cases = [(float(t), float(w)) for t in sorted({abs(t) for t in light.theta_i_deg}) for w in ends]
-    known = [t for t in theories if t in trust.THEORIES]
-    return [max((trust.expected(t, *grating, *c) for c in cases), key=lambda e: e.error[1]) for t in known]
+    return [[trust.expected(t, *grating, *c) for c in cases] for t in theories if t in trust.THEORIES]
 
 
 def rigorous_warnings(surface: Heightfield, theories: list[str], light: Any) -> list[str]:
-    """Theories that are off by more than NOTABLE on rigorous gratings like this surface."""
+    """Theories that are off by more than NOTABLE on rigorous gratings like this surface; none where none is like it."""
     from .wave.trust import equivalent_grating
 
-    found = expectations(surface, theories, light)
+    inside = [[e for e in cases if not e.outside] for cases in _expected(surface, theories, light)]
+    found = [max(cases, key=lambda e: e.error[1]) for cases in inside if cases]
     shape, depth, period = equivalent_grating(surface)
-    lines = [
+    return [
         f"{e}; a {shape} grating of depth {depth:.3g} µm and period {period:.3g} µm was taken for it"
         for e in found
         if e.error[1] > NOTABLE
     ]
-    return lines
 
 
 def outside_of_the_table(surface: Heightfield, theories: list[str], light: Any) -> str:
     """Why rigorous gratings say little about this surface, in words; "" where they do say something."""
     from .wave.trust import equivalent_grating
 
-    outside = {line for e in expectations(surface, theories, light) for line in e.outside}
+    outside = {line for cases in _expected(surface, theories, light) for e in cases for line in e.outside}
     if not outside:
         return ""
     shape, depth, period = equivalent_grating(surface)

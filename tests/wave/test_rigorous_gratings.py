@@ -137,6 +137,18 @@ def test_plan_warns_with_the_table():
     assert "58°" in line
 
 
+def test_beyond_the_table_no_error_is_told():
+    """Depth of 3 wavelengths, the table ends at a quarter: why, and no number; a nearer wavelength has its own."""
+    deep = vg.surface.sinusoid(period_um=5, amplitude_um=1, shape=(4, 300), pitch_um=0.1)
+    theories = ["kirchhoff", "harvey-shack"]
+    assert "depth/λ" in validity.outside_of_the_table(deep, theories, light([60]))
+    assert validity.rigorous_warnings(deep, theories, light([60])) == []
+    gentle = vg.surface.sinusoid(period_um=5, amplitude_um=0.05, shape=(4, 1000), pitch_um=0.05)
+    (line,) = validity.rigorous_warnings(gentle, ["harvey-shack"], light([58, 75]))
+    assert "58°" in line  # 75° is beyond the table
+    assert "θ_i 75°" in validity.outside_of_the_table(gentle, ["harvey-shack"], light([58, 75]))
+
+
 def test_what_the_table_does_not_hold_is_said():
     rough = vg.surface.gaussian(rms_um=1.0, correlation_um=5.0, shape=(64, 64), pitch_um=0.5, seed=1)
     line = validity.outside_of_the_table(rough, ["kirchhoff"], light([80]))
