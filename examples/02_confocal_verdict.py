@@ -139,8 +139,9 @@ tree.vgonio.plot_delta_e()
 # %% [markdown]
 # How much of the difference is due to the theory, and how much to the 128 µm that the microscope happened to look at?
 # The standard errors do not say, because they are those of ray counting and of speckle. So the four quarters of the
-# field are simulated separately: their spread, divided by √4, is the error due to *the piece* that was seen. Beside it
-# stands what a careless treatment of the same file gives, where missing points are filled and nothing else is done.
+# field are simulated separately: their spread, divided by √4, is the error due to *the piece* that was seen. It is
+# somewhat too large, because each quarter has to give up a band at its own sides. Beside it stands what a careless
+# treatment of the same file gives, where missing points are filled and nothing else is done.
 
 # %%
 half = best.shape[0] // 2
@@ -182,8 +183,8 @@ print(
 #
 # The verdict: rays explain this measurement as well as this piece of the sample allows one to tell. The wave theory is
 # neither better nor refuted, because on so small a field its speckle hides what it lacks. The limits of the verdict:
-# two theories can be told apart only where they differ by more than the errors of the piece (16 %), of the filter (6 %)
-# and of the speckle together. Measuring more fields of view reduces the first and the last. Texture that is finer than
+# two theories can be told apart only where they differ by more than the errors of the piece (at most 16 %), of the
+# filter (6 %) and of the speckle together. Measuring more fields of view reduces the first and the last. Texture that is finer than
 # the microscope resolves cannot be judged at all.
 #
 # ## 7. A real file
