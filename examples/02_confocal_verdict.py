@@ -184,8 +184,8 @@ print(
 # The verdict: rays explain this measurement as well as this piece of the sample allows one to tell. The wave theory is
 # neither better nor refuted, because on so small a field its speckle hides what it lacks. The limits of the verdict:
 # two theories can be told apart only where they differ by more than the errors of the piece (at most 16 %), of the
-# filter (6 %) and of the speckle together. Measuring more fields of view reduces the first and the last. Texture that is finer than
-# the microscope resolves cannot be judged at all.
+# filter (6 %) and of the speckle together. Measuring more fields of view reduces the first and the last. Texture that
+# is finer than the microscope resolves cannot be judged at all.
 #
 # ## 7. A real file
 # An areal measurement by focus variation (an `.al3d` file of a test collection, MIT licence), where the folder of such
