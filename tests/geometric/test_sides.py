@@ -65,7 +65,7 @@ def test_mirror_images_are_taken_at_those_angles_only_that_need_them():
 
 def test_a_run_says_where_mirror_images_change_the_surface():
     sample = ridges(3.0, 4.0, 0.1)  # at 85° no ray can start inside
-    with pytest.warns(VgonioWarning, match=r"θ_i = 85°.*lean to one side along x \(5\d%\).*periodic = true"):
+    with pytest.warns(VgonioWarning, match=r"θ_i = 85°.*lean to one side along x \(5\d %\).*periodic = true"):
         data = measured(sample, [0, 85], rays=5000)
     assert data.attrs["edges"] == f"{MIRROR} at θ_i = 85°, else guard band"
     assert "θ_i = 85°" in data.attrs["edges_caution"]

@@ -81,7 +81,7 @@ def caution(surface: Heightfield, incoming: Incoming, mirror: Mask) -> str:
     """What mirror images do to the result of a surface whose slopes lean to one side; empty where they do no harm."""
     if not mirror.any():
         return ""
-    lean = ", ".join(f"{k} ({abs(v):.0%})" for k, v in leaning(surface).items())
+    lean = ", ".join(f"{k} ({100 * abs(v):.0f} %)" for k, v in leaning(surface).items())
     if not lean:
         return ""
     return (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..assembly import Inputs, wave_groups
+from ..assembly import Inputs, gonioreflectometer, rays, wave_groups
 from ..scene import Light, Scene
 from ..validity import wave_warnings
 from .forecast import Forecast
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from ..surface import Heightfield
 
+MOST_TRIED = 10**6  # points of a surface that is meshed for a warning, 0.5 s
+
 
 def warnings_of(scene: Scene, inputs: Inputs, expected: Mapping[str, Forecast]) -> list[str]:
     found: list[str] = []
@@ -25,9 +27,24 @@ def warnings_of(scene: Scene, inputs: Inputs, expected: Mapping[str, Forecast]) 
         found += wave_warnings(inputs.surface, scalar, scene.light, _largest_theta_o(scene), scene.wave.shadowing)
         found += _cut_window(scene, inputs.surface)
         found += _long(scene, expected)
+    if inputs.surface is not None and scene.geometric is not None and scene.light is not None:
+        found += _turned_slopes(scene, inputs.surface)
     if inputs.measured is not None and scene.light is not None:
         found += _measured_warnings(inputs.measured, scene.light)
     return found
+
+
+def _turned_slopes(scene: Scene, surface: Heightfield) -> list[str]:
+    """The line of the run where mirror images of a finite sample turn its slopes round; a big mesh tells in the run."""
+    from ..surface.symmetry import leaning
+
+    if surface.periodic or surface.z.size > MOST_TRIED or not leaning(surface):
+        return []
+    from ..geometric.sides import caution, mirrored_at
+
+    incoming = gonioreflectometer(scene).incoming
+    told = caution(surface, incoming, mirrored_at(rays(scene), surface, incoming))
+    return [told] if told else []
 
 
 def _cut_window(scene: Scene, surface: Heightfield) -> list[str]:

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 DAY, YEAR = 86_400.0, 31_557_600.0  # seconds
+NO_ERROR = 1e-6  # as a share; what lies below has no error worth a number
 
 
 @dataclass(frozen=True)
@@ -154,8 +155,16 @@ def figures(
 
 
 def between(least: float, most: float) -> str:
-    """The range in which an error lies."""
-    return f"{100 * min(least, 1.0):.1g} … {100 * min(most, 1.0):.1g} %"
+    """The range in which an error lies; in words where it has no upper or no lower end that says anything."""
+    if most >= 0.995:
+        return "100 %" if least >= 0.95 else f"{_one_digit(least)} % or more"
+    return f"{_one_digit(least)} … {_one_digit(most)} %" if least >= NO_ERROR else f"up to {_one_digit(most)} %"
+
+
+def _one_digit(share: float) -> str:
+    """In per cent, never in powers of ten."""
+    whole = float(f"{100 * share:.1g}")
+    return f"{whole:.0f}" if whole >= 1 else f"{whole:.6f}".rstrip("0")
 
 
 def duration(seconds: float | None) -> str:
