@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import xarray as xr
 
+import vgonio as vg
 from vgonio import models
 from vgonio.directions import Detector
-from vgonio.report.quantities import bounce_shares, direction, incidence, multiple_share, relative_error, tallies
+from vgonio.geometric import RayOptics
+from vgonio.measure import Gonioreflectometer
+from vgonio.report.quantities import (
+    bounce_shares,
+    direction,
+    incidence,
+    multiple_share,
+    relative_error,
+    tallies,
+    without_chance,
+)
+from vgonio.report.verdict import cautions, largest_error, mirrored_sides
 
 
 @pytest.mark.parametrize("phi_i", [0.0, 90.0, 250.0])
@@ -55,3 +69,52 @@ def test_energies_and_errors_of_a_result():
     brdf = xr.DataArray([1.0, 0.5, 1e-4], dims="theta_o")
     data = xr.Dataset({"brdf": brdf, "brdf_stderr": brdf * xr.DataArray([0.02, 0.04, 5.0], dims="theta_o")})
     assert relative_error(data) == pytest.approx(0.03)  # the dark one does not count
+
+
+def bright_rays(error, **attrs) -> xr.Dataset:
+    """Rays in four directions, of which the last is dark and the one before catches nothing."""
+    brdf = xr.DataArray([[[1.0], [0.5], [0.0], [1e-4]]], dims=("theta_i", "theta_o", "wavelength"))
+    return xr.Dataset({"brdf": brdf, "brdf_stderr": brdf * np.reshape([*error, 0, 5.0], (1, 4, 1))}, attrs=attrs)
+
+
+def test_no_chance_error_is_no_error_of_nought():
+    """Directions in which chosen facets leave nothing to chance are told apart, never averaged in as 0 %."""
+    both, one, none = (bright_rays(e) for e in ((0.02, 0.04), (0.0, 0.04), (0.0, 0.0)))
+    assert [relative_error(d) for d in (both, one)] == pytest.approx([0.03, 0.04])
+    assert np.isnan(relative_error(none))
+    assert [without_chance(d) for d in (both, one, none)] == [0, 0.5, 1]
+    said = [largest_error({"rays": d}) for d in (both, one, none)]
+    assert said[0] == (
+        "The largest known error is the noise of the rays, median standard error 3.0 % of the BRDF where it is bright. "
+        "What the theories leave out is not counted here."
+    )
+    assert "median standard error 4.0 % of the BRDF" in said[1]
+    assert "In 50 % of its bright directions the BRDF of the rays has no chance error" in said[1]
+    assert said[2].startswith("In all of its bright directions the BRDF of the rays has no chance error")
+    assert said[2].endswith("refinement_check = true tells how much.")
+    assert not any(" 0 %" in s for s in said)
+    change = "0.031, the RMS relative change of brdf on twice the refinement"
+    assert f"on finer facets it changes by {change}." in largest_error(
+        {"rays": bright_rays((0, 0), refinement_change=change)}
+    )
+    assert largest_error({"rays": none.drop_vars("brdf_stderr")}) is None
+
+
+def test_chosen_facets_say_what_their_error_leaves_out():
+    surface = vg.surface.gaussian(0.1, 5.0, (32, 32), 1.0, seed=1)  # so gentle that no light is stopped
+    gonio = Gonioreflectometer([0], range(-20, 21, 5), aperture_deg=3)
+    data = gonio.measure(surface, RayOptics("Al", [550], rays=2000))
+    assert data.attrs["estimator"] == "facets"
+    assert without_chance(data) == 1
+    assert "exactly 0 where all light comes from known facets" in data["brdf_stderr"].attrs["comment"]
+
+
+def test_mirror_images_are_named_in_the_verdict():
+    edges = "mirrored 2 × 2 supercell at θ_i = 60°, else guard band"
+    assert edges in mirrored_sides(bright_rays((0.1, 0.1), edges=edges))
+    assert mirrored_sides(bright_rays((0.1, 0.1), edges="guard band")) is None
+    turned = bright_rays((0.1, 0.1), edges=edges, edges_caution="rays at θ_i = 60°: slopes lean to one side")
+    assert mirrored_sides(turned) is None
+    for plan in ({}, {"warnings": ["rays at θ_i = 60°: slopes lean to one side"]}):
+        found = cautions(SimpleNamespace(results={"rays": turned}, plan=plan))
+        assert found == ["Rays at θ_i = 60°: slopes lean to one side."]

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from .rays import RayOptics
 
 Floats = NDArray[np.float64]
+ERROR_IS = (
+    "chance alone: of sampling the facets as they are; exactly 0 where all light comes from known facets and where no "
+    "light came. What the size of the facets does is not in it: refinement_check = true tells"
+)
 Variables = dict[str, tuple[tuple[str, ...], Floats]]
 
 
@@ -34,7 +38,7 @@ def dataset(solver: RayOptics, tallies: list[Tally], incoming: Incoming, detecto
         variables |= mueller_variables(tallies, n, detector)
         coords |= {"stokes_out": list("IQUV"), "stokes_in": list("IQUV")}
     error = float(max(relative_error(t) for t in tallies))
-    return brdf_dataset(
+    made = brdf_dataset(
         variables,
         incoming.theta_deg,
         solver.wavelength_nm,
@@ -43,6 +47,8 @@ def dataset(solver: RayOptics, tallies: list[Tally], incoming: Incoming, detecto
         coords=coords,
         attrs=attributes(solver, incoming, error, float(np.abs(shortcut).max())),
     )
+    made["brdf_stderr"].attrs["comment"] = ERROR_IS
+    return made
 
 
 def attributes(solver: RayOptics, incoming: Incoming, error: float, shortcut: float) -> dict[str, Any]:

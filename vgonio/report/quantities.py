@@ -17,6 +17,7 @@ THEORIES = {
     "generalized-harvey-shack": "generalized Harvey–Shack",
     "harvey-shack": "Harvey–Shack",
     "full-wave": "full wave",
+    "iterated-kirchhoff": "iterated Kirchhoff",
 }
 
 
@@ -142,10 +143,20 @@ def colour_difference(reference: xr.Dataset, predicted: xr.Dataset, scale: str) 
 
 
 def relative_error(data: xr.Dataset) -> float:
-    """Median of the relative standard error over the bright directions; NaN where no error is known."""
+    """Median of the relative standard error over the bright directions that chance has a part in; NaN without any.
+
+    Where rays are sent onto chosen facets, an error of exactly 0 says that no chance was left, not that none is wrong.
+    """
     if "brdf_stderr" not in data:
         return float("nan")
-    return float((data["brdf_stderr"] / data["brdf"]).where(bright(data)).median())
+    return float((data["brdf_stderr"] / data["brdf"]).where(bright(data) & (data["brdf_stderr"] > 0)).median())
+
+
+def without_chance(data: xr.Dataset) -> float:
+    """Share of the bright directions whose standard error is exactly 0; NaN where no error is known."""
+    if "brdf_stderr" not in data or not bool(bright(data).any()):
+        return float("nan")
+    return float((data["brdf_stderr"] == 0).where(bright(data)).mean())
 
 
 def tallies(rays: xr.Dataset) -> xr.Dataset:

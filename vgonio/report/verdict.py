@@ -71,6 +71,7 @@ def verdict(
     made.add(largest_error(results))
     if "rays" in results:
         energy_of_rays(made, results["rays"])
+        made.add(mirrored_sides(results["rays"]))
     for name, data in results.items():
         energy_of_waves(made, name, data)
     made.cautions += cautions(content)
@@ -87,7 +88,10 @@ def cautions(content: Content) -> list[str]:
         told = first(a, "provenance", "comment")
         if told:
             found.append(f"The measurement ({first(a, 'source', default='its file')}) says of itself: {told}")
-    warnings = (str(w) for w in content.plan.get("warnings") or [])
+    warnings = [str(w) for w in content.plan.get("warnings") or []]
+    turned = content.results["rays"].attrs.get("edges_caution") if "rays" in content.results else None
+    if turned and turned not in warnings:  # the plan has foretold it, but of big samples
+        warnings.append(str(turned))
     return found + [w[:1].upper() + w[1:] + ("" if w.endswith(".") else ".") for w in warnings]
 
 
@@ -243,12 +247,41 @@ def largest_error(results: Mapping[str, xr.Dataset]) -> str | None:
         median = q.relative_error(data)
         if math.isfinite(median):
             kind = "speckle" if name.startswith("waves") else "noise"
-            known.append((median, f"{kind} of {words}, median standard error {percent(median)} of the BRDF"))
+            known.append(
+                (median, f"{kind} of {words}, median standard error {percent(median)} of the BRDF where it is bright")
+            )
         numerical = first(data.attrs, "error_achieved", "error")
         if name.startswith("waves") and isinstance(numerical, (int, float)) and math.isfinite(numerical):
             known.append((float(numerical), f"numerical error of {words}, {percent(float(numerical), 1)}"))
+    facets = error_of_facets(results["rays"]) if "rays" in results else ""
     if not known:
-        return None
+        return facets or None
     known.sort(reverse=True, key=lambda item: item[0])
     rest = "; then " + ", ".join(text for _, text in known[1:]) if len(known) > 1 else ""
-    return f"The largest known error is the {known[0][1]}{rest}. What the theories leave out is not counted here."
+    said = f"The largest known error is the {known[0][1]}{rest}. What the theories leave out is not counted here."
+    return " ".join(text for text in (said, facets) if text)
+
+
+def error_of_facets(rays: xr.Dataset) -> str:
+    """Where rays onto chosen facets leave nothing to chance: which error remains."""
+    free = q.without_chance(rays)
+    if not free > 0:
+        return ""
+    change = first(rays.attrs, "refinement_change")
+    remains = f"on finer facets it changes by {change}" if change else "refinement_check = true tells how much"
+    share = "all" if free == 1 else percent(free)
+    return (
+        f"In {share} of its bright directions the BRDF of the rays has no chance error: all light there comes from "
+        f"facets that are known. What remains there is the error of the facets themselves; {remains}."
+    )
+
+
+def mirrored_sides(rays: xr.Dataset) -> str | None:
+    """That rays met mirror images of the sample, where they do no harm; a caution says where they do."""
+    edges = str(rays.attrs.get("edges", ""))
+    if not edges.startswith("mirrored") or "edges_caution" in rays.attrs:
+        return None
+    return (
+        f"The sample is finite and was continued for the rays: {edges}. Its slopes lean to no side, so its mirror "
+        "images scatter as it does."
+    )
