@@ -167,7 +167,9 @@ def test_simulate_writes_the_result_and_says_where(scene, capsys):
     assert "result: result.nc" in said.out
     tree = vg.open("result.nc")
     assert set(tree.children) == {"surface", "rays", "waves", "comparison"}
-    assert sorted(p.name for p in scene.parent.iterdir()) == ["result.nc", "scene.toml"]
+    assert sorted(p.name for p in scene.parent.iterdir()) == ["result.nc", "scene.toml"]  # no page, as the help says
+    assert main(["simulate", "--help"]) == 0
+    assert "no page if there is neither" in " ".join(capsys.readouterr().out.split())
 
 
 def test_another_result_leaves_the_page_of_the_first(scene, capsys):
@@ -253,6 +255,24 @@ def test_surface_make_info_convert(folder, capsys):
     # Sq of a sine is a/√2 over whole periods
     assert facts["Sq"] == pytest.approx(0.1 / np.sqrt(2), rel=1e-6)
     assert sorted(p.name for p in folder.iterdir()) == ["s.csv", "s.npz"]
+
+
+def test_plan_and_surface_info_name_the_same_roughness(folder, capsys):
+    """A tilt is part of what is read, and of no roughness: the plan names both."""
+    from vgonio.surface import describe_import, gaussian, read
+
+    made = gaussian(0.3, 5.0, (64, 64), 0.5, seed=1)
+    z = made.z + 0.05 * made.x
+    np.savez(folder / "tilted.npz", z=z, pitch_um=0.5)
+    field = read(folder / "tilted.npz")
+    assert main(["surface", "info", "tilted.npz", "--json"]) == 0
+    levelled = json.loads(capsys.readouterr().out)["Sq"]
+    assert f"Sq {z.std():.4g} µm as read, {levelled:.4g} µm levelled" in describe_import(field)
+    assert levelled < 0.9 * z.std()
+    assert describe_import(field.replace(periodic=True)).endswith(f"Sq {z.std():.4g} µm")
+    holes = z.copy()
+    holes[3:5, 7] = np.nan
+    assert "levelled, 0.05% missing" in describe_import(field.replace(z=holes))
 
 
 def test_surface_info_takes_overrides(folder, capsys):

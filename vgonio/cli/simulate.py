@@ -41,7 +41,8 @@ def simulate(
         typer.Option(
             "--report",
             metavar="PAGE.html",
-            help="Where the page goes, instead of the scene's output.report; with -o alone that page is RESULT.html.",
+            help="Where the page goes, instead of the scene's output.report; if the scene has that and only -o is "
+            "given, RESULT.html; no page if there is neither.",
         ),
     ] = None,
     overrides: Set = None,

@@ -43,6 +43,7 @@ def info(
 ) -> None:
     """Print size, pitch and roughness of a height field.
 
+    Roughness is that of the heights without their plane (of a periodic field, as they are).
     Implausible figures are warned about; --pitch-um and --height-unit override what a file says.
 
     Example: vgonio surface info sample.x3p --pitch-um 0.438

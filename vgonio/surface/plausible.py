@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 
 from ..errors import VgonioWarning
+from .filter import level
 from .heightfield import Heightfield
 
 # limits outside which a unit was probably misread: optical topography of scattering surfaces
@@ -17,14 +18,25 @@ RMS_SLOPE = 3.0
 
 
 def describe_import(surface: Heightfield) -> str:
-    """One line with points, pitch, size, Sq and missing points, as shown after reading a file."""
+    """One line with points, pitch, size, Sq and missing points, as shown after reading a file.
+
+    Sq is that of the heights as they are and, where a tilt is part of it, of those without their plane.
+    """
     ny, nx = surface.shape
     ly, lx = surface.size_um
     missing = f", {surface.missing / surface.z.size:.2%} missing" if surface.missing else ""
     return (
         f"{surface.name or 'surface'}: {nx} × {ny} points, pitch {surface.dx:.4g} × {surface.dy:.4g} µm, "
-        f"size {lx:.4g} × {ly:.4g} µm, Sq {np.nanstd(surface.z):.4g} µm{missing}"
+        f"size {lx:.4g} × {ly:.4g} µm, {_sq_in_words(surface)}{missing}"
     )
+
+
+def _sq_in_words(surface: Heightfield) -> str:
+    as_read = f"Sq {np.nanstd(surface.z):.4g} µm"
+    if surface.periodic or surface.missing == surface.z.size:
+        return as_read
+    levelled = f"{np.nanstd(level(surface, 'plane').z):.4g} µm"
+    return as_read if as_read == f"Sq {levelled}" else f"{as_read} as read, {levelled} levelled"
 
 
 def implausible(surface: Heightfield) -> list[str]:
