@@ -24,7 +24,7 @@ def compare(
     ],
     reference: Annotated[
         str | None,
-        typer.Option("--reference", metavar="NAME", help="What the others are measured against; else the last."),
+        typer.Option("--reference", metavar="NAME", help="The one held to be right.", show_default="the most trusted"),
     ] = None,
     material: Annotated[
         str, typer.Option("--material", help="Of the Fresnel reflectance in the fits of the shift, or none.")
@@ -58,16 +58,27 @@ def compare(
     with busy("shares of the shift"):
         shares = _explained(data, str(comparison.attrs["reference"]), reflector, figures)
     if as_json:
-        print_json(rows + looks + shares)
+        print_json([_reference_row(comparison), *rows, *looks, *shares])
         return
-    print_table("", list(rows[0]), [list(r.values()) for r in rows])
+    print_table(_title(comparison), list(rows[0]), [list(r.values()) for r in rows])
     covered = [r for r in looks if r["value"] is not None]
     if covered:
         print_table("Appearance", list(covered[0]), [list(r.values()) for r in covered])
     if shares:
-        print_table("Explained share of the reference's shift", list(shares[0]), [list(r.values()) for r in shares])
+        title = f"Explained share of the shift of {comparison.attrs['reference']}"
+        print_table(title, list(shares[0]), [list(r.values()) for r in shares])
     if figures is not None and (figures / "explained.png").is_file():
         say(f"figure: {figures / 'explained.png'}")
+
+
+def _reference_row(comparison: Any) -> dict[str, Any]:
+    name, why = (str(comparison.attrs[k]) for k in ("reference", "reference_chosen"))
+    return {"of": name, "quantity": "reference", "value": None, "error": None, "unit": why}
+
+
+def _title(comparison: Any) -> str:
+    row = _reference_row(comparison)
+    return f"Reference: {row['of']} ({row['unit']}; --reference NAME). Of A and B, B is held to be right."
 
 
 def _with_colour_alone(rows: list[dict[str, Any]], data: dict[str, Any]) -> list[dict[str, Any]]:

@@ -17,6 +17,7 @@ from ..models.clausen_2022 import WAVELENGTH_N_NM
 from .colour import SCALES, delta_e_2000
 from .exponent import FEWEST_FOR_P
 from .metrics import SAME_ANGLE_DEG, align, detector_dim, labelled, nrmse, rmse
+from .reference import chosen_reference
 from .shift import fit_global_shift, fit_local_shift
 
 _SPECTRAL = {"theta_i", "theta_o", "cell", "wavelength"}
@@ -40,7 +41,8 @@ def compare(
 ) -> xr.Dataset:
     """Compare results by name, or the groups of a DataTree that hold a BRDF: the group `comparison` of a result.
 
-    reference : name of the result that the others are measured against; by default "measured", else the last
+    reference : name of the result that the others are measured against; by default the most trusted: measured, then
+        full wave, iterated Kirchhoff, rays, Kirchhoff, Harvey–Shack (`reference.TRUST`), among equals the last
     material : of the Fresnel reflectance in the shift fits, None for F = 1;  p, wavelength_n_nm : of the shift fits
     scale : of ΔE₀₀, see `delta_e_2000`
     Over `result`: slope, slope_stderr, slope_p, slope_r2, slope_global (…, theta_i, theta_o or cell); shift_h,
@@ -52,7 +54,10 @@ def compare(
     """
     if scale not in SCALES:
         raise InputError(f"scale {scale!r} of a colour difference: {nearest(scale, SCALES)}")
-    named = _ordered(_split(_datasets(results)), reference)
+    named = _split(_datasets(results))
+    last, why = chosen_reference(named, reference)
+    # the reference last, so that it is the second of every pair it is in
+    named = {name: named[name] for name in [*(n for n in named if n != last), last]}
     skipped: dict[str, str] = {}
     named = _same_directions(named, skipped)
     parts = [_shift_parts(name, data, material, p, wavelength_n_nm, skipped) for name, data in named.items()]
@@ -61,7 +66,8 @@ def compare(
     merged.attrs = {
         "method": "comparison",
         "results": json.dumps(list(named)),
-        "reference": list(named)[-1],
+        "reference": last,
+        "reference_chosen": why,
         "material": "none (F = 1)" if material is None else str(getattr(material, "name", material)),
         "exponent": str(p),
         "wavelength_n": float(wavelength_n_nm),
@@ -91,14 +97,6 @@ def _split(results: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
             tags = [str(data[d].values[i]) if d in data.coords else str(i) for d, i in chosen.items()]
             found[":".join([name, *tags])] = data.isel(chosen).drop_vars(further, errors="ignore")
     return found
-
-
-def _ordered(results: dict[str, xr.Dataset], reference: str | None) -> dict[str, xr.Dataset]:
-    """The reference last, so that it is the second of every pair it is in."""
-    if reference is not None and reference not in results:
-        raise InputError(f"reference {reference!r} is no result: {nearest(reference, results)}")
-    last = reference or ("measured" if "measured" in results else list(results)[-1])
-    return {name: results[name] for name in [*(n for n in results if n != last), last]}
 
 
 def _same_directions(results: dict[str, xr.Dataset], skipped: dict[str, str]) -> dict[str, xr.Dataset]:
