@@ -52,13 +52,14 @@ def compare(
     reflector = known_material(material)
     with busy("comparing"):
         comparison = run(data, reference=reference, material=reflector)
-        rows = _with_colour_alone(summary(comparison), data)
+        rows = _with_errors(_with_colour_alone(summary(comparison), data), data)
     with busy("appearance"):
         looks = [row for name, found in data.items() for row in _appearance(name, found)]
     with busy("shares of the shift"):
         shares = _explained(data, str(comparison.attrs["reference"]), reflector, figures)
+    apart = _unlike(data, str(comparison.attrs["reference"]))
     if as_json:
-        print_json([_reference_row(comparison), *rows, *looks, *shares])
+        print_json([_reference_row(comparison), *rows, *looks, *shares, *apart])
         return
     print_table(_title(comparison), list(rows[0]), [list(r.values()) for r in rows])
     covered = [r for r in looks if r["value"] is not None]
@@ -67,6 +68,8 @@ def compare(
     if shares:
         title = f"Explained share of the shift of {comparison.attrs['reference']}"
         print_table(title, list(shares[0]), [list(r.values()) for r in shares])
+    for row in apart:
+        print(f"{row['of']}: {row['unit']}")
     if figures is not None and (figures / "explained.png").is_file():
         say(f"figure: {figures / 'explained.png'}")
 
@@ -99,6 +102,60 @@ def _with_colour_alone(rows: list[dict[str, Any]], data: dict[str, Any]) -> list
     return found
 
 
+def _with_errors(rows: list[dict[str, Any]], data: dict[str, Any]) -> list[dict[str, Any]]:
+    """The rows of each pair with the errors that follow from those of both BRDFs."""
+    from ..compare import align
+    from ..compare.drawn_errors import standard_errors
+
+    found: dict[str, dict[str, float]] = {}
+    for a in data:
+        for b in data:
+            of = f"{a} and {b}"
+            own = [r["quantity"] for r in rows if r["of"] == of and r["value"] is not None and r["error"] is None]
+            if a != b and own:
+                known = all("brdf_stderr" in data[name] for name in (a, b))
+                errors = standard_errors(_pair_figures(own), *align(data[b], data[a])) if known else {}
+                found[of] = errors
+    return [r if r["error"] is not None else {**r, "error": found.get(r["of"], {}).get(r["quantity"])} for r in rows]
+
+
+def _pair_figures(wanted: list[str]) -> Callable[..., dict[str, float]]:
+    """The figures of a pair by the names of their rows, of those that are wanted."""
+    import numpy as np
+
+    from ..compare import delta_e_2000, nrmse, rmse
+    from ..compare.colour import SCALE_WORDS, SCALES
+    from ..report.quantities import colour_difference
+
+    shown, alone = SCALE_WORDS[SCALES[0]], SCALE_WORDS["normalised"]
+
+    def figures(reference: Any, predicted: Any) -> dict[str, float]:
+        found = {"NRMSE of the BRDF": float(nrmse(reference, predicted))}
+        found["RMSE of the BRDF"] = float(rmse(reference, predicted))
+        if f"mean dE00, {shown}" in wanted:
+            difference = delta_e_2000(reference, predicted).values
+            found[f"mean dE00, {shown}"] = float(np.nanmean(difference))
+            found[f"95th percentile of dE00, {shown}"] = float(np.nanpercentile(difference, 95))
+            found[f"largest dE00, {shown}"] = float(np.nanmax(difference))
+        if f"mean dE00, {alone}" in wanted:
+            found[f"mean dE00, {alone}"] = float(colour_difference(reference, predicted, "normalised").mean())
+        return found
+
+    return figures
+
+
+def _unlike(data: dict[str, Any], reference: str) -> list[dict[str, Any]]:
+    """A row for each result that was not simulated like the reference: coherence length, windows, cones."""
+    from ..report.agreement import unlike
+
+    found = {name: unlike(d, data[reference]) for name, d in data.items() if reference in data and name != reference}
+    return [
+        {"of": f"{name} and {reference}", "quantity": "simulated alike", "value": None, "error": None, "unit": why}
+        for name, why in found.items()
+        if why
+    ]
+
+
 def _appearance(name: str, data: Any) -> list[dict[str, Any]]:
     from ..compare import appearance
 
@@ -109,6 +166,7 @@ def _appearance(name: str, data: Any) -> list[dict[str, Any]]:
 def _explained(data: dict[str, Any], reference: str, reflector: Any, figures: Path | None) -> list[dict[str, Any]]:
     """Rows of the explained shares; the reason alone where the reference has no shift or too few wavelengths."""
     from ..compare import explained_shares
+    from ..report.tables import significance
 
     others = {k: v for k, v in data.items() if k != reference}
     if reference not in data:
@@ -125,7 +183,7 @@ def _explained(data: dict[str, Any], reference: str, reflector: Any, figures: Pa
     rows = []
     for i, name in enumerate(found["explanation"].values):
         share, error, sigma = (float(found[k][i]) for k in ("share", "share_stderr", "significance"))
-        text = f"{found['kind'].values[i]}, {sigma:.1f} σ"
+        text = f"{found['kind'].values[i]}, {significance(sigma)}"
         rows.append(
             {"of": str(name), "quantity": f"explained share ({text})", "value": share, "error": error, "unit": "1"}
         )

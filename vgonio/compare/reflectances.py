@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from ..errors import InputError, VgonioError
 from ..models import Geometry, directional_albedo
 from ..models.evaluation import brdf
 from ..units import radians
+from .drawn_errors import standard_errors
 from .fit_files import fit_parameters
 from .gloss import gloss, haze, luminous_weights
 from .metrics import detector_dim, labelled
@@ -118,6 +120,12 @@ def _of_cells(data: xr.Dataset, cone: float | None) -> xr.DataArray:
     return xr.DataArray(values, coords, ("theta_i", "wavelength"))
 
 
+@lru_cache(maxsize=2)  # 800 points are an eigenvalue problem of half a second
+def _rule(count: int) -> tuple[Floats, Floats]:
+    """Nodes and weights of Gauss–Legendre on −1 … 1."""
+    return np.polynomial.legendre.leggauss(count)
+
+
 def _in_plane(data: xr.Dataset, cone: float | None) -> xr.DataArray:
     theta_i = data["theta_i"].values
     at = int(np.abs(theta_i).argmin())
@@ -133,7 +141,7 @@ def _in_plane(data: xr.Dataset, cone: float | None) -> xr.DataArray:
     theta, place = np.unique(np.round(angle[known], 9), return_inverse=True)
     count = np.bincount(place)
     mean = np.stack([np.bincount(place, column) / count for column in one[known].T], axis=1)
-    nodes, weight = np.polynomial.legendre.leggauss(800)
+    nodes, weight = _rule(800)
     top = np.pi / 2 if cone is None else cone
     x = (nodes + 1) / 2 * top
     f = np.stack([np.interp(x, theta, column) for column in mean.T], axis=1)
@@ -145,6 +153,7 @@ def _in_plane(data: xr.Dataset, cone: float | None) -> xr.DataArray:
 def appearance(name: str, data: xr.Dataset) -> list[dict[str, Any]]:
     """Rows of a table (of, quantity, value, error, unit): gloss, haze, TIS and reflectance, luminous means over λ.
 
+    The error of reflectance and TIS is that of brdf_stderr, of gloss and haze that of the interpolation.
     What the data do not cover has the value None and the reason in unit.
     """
     rows = [
@@ -155,13 +164,25 @@ def appearance(name: str, data: xr.Dataset) -> list[dict[str, Any]]:
         try:
             found = function(data)  # type: ignore[operator]
             luminous = found.values @ luminous_weights(found["wavelength"].values)
+            errors = {} if data.attrs.get("method") == "fit" else standard_errors(_luminous(function), ascending(data))
         except VgonioError as e:
             rows.append({"of": name, "quantity": quantity, "value": None, "error": None, "unit": str(e)})
             continue
         for angle, value in zip(found["theta_i"].values, luminous):
-            text = f"{quantity} at {angle:g}°"
-            rows.append({"of": name, "quantity": text, "value": float(value), "error": None, "unit": "1"})
+            text, error = f"{quantity} at {angle:g}°", errors.get(f"{angle:g}")
+            rows.append({"of": name, "quantity": text, "value": float(value), "error": error, "unit": "1"})
     return rows
+
+
+def _luminous(function: Any) -> Any:
+    """The luminous means of a quantity by their angle of incidence, for `standard_errors`."""
+
+    def figures(data: xr.Dataset) -> dict[str, float]:
+        found = function(data)
+        means = found.values @ luminous_weights(found["wavelength"].values)
+        return {f"{angle:g}": float(mean) for angle, mean in zip(found["theta_i"].values, means)}
+
+    return figures
 
 
 def _row(name: str, quantity: str, read: Any, unit: str) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from .colour import SCALE_WORDS, SCALES
+from .drawn_errors import median_error
 from .exponent import bound_words
 from .significance import no_shift
 
@@ -78,7 +79,7 @@ def _result_rows(result: str, data: xr.Dataset, free_p: bool) -> list[Row]:
         slopes = data["slope"].values
         slopes = slopes[np.isfinite(slopes)]
         if slopes.size:
-            rows.append(_row(result, "median slope of the shift", np.median(slopes), "nm-1"))
+            rows.append(_row(result, "median slope of the shift", np.median(slopes), "nm-1", median_error(slopes)))
     for quantity, name, error in _SHIFT:
         if name in data and np.isfinite(data[name]):
             stderr = data[error] if error else None
