@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter
 from vgonio.directions import Incoming
 from vgonio.errors import VgonioWarning
 from vgonio.geometric import RayOptics
+from vgonio.geometric.microfacet import masking
 from vgonio.geometric.sides import MIRROR, mirrored_at
 from vgonio.measure import Gonioreflectometer
 from vgonio.surface import Heightfield, gaussian
@@ -89,3 +90,14 @@ def test_what_is_foretold_is_done(edges, periodic):
     incoming = Incoming([0, 85])
     found = mirrored_at(RayOptics("Al", [550], edges=edges), sample, incoming)
     assert found.tolist() == [not periodic and edges == "mirror", not periodic and edges != "guard"]
+
+
+def test_microfacets_say_so_as_well():
+    sample = ridges(1.0, 9.0, 0.05, n=60)
+    with pytest.warns(VgonioWarning, match=r"microfacets: .* lean to one side along x \(\d\d %\)"):
+        found = masking(sample, [30], points=100)
+    assert found.attrs["edges"] == MIRROR
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", VgonioWarning)
+        masking(sample.replace(periodic=True), [30], points=100)
+        masking(gaussian(0.3, 3.0, (60, 60), 0.3, seed=1).replace(periodic=False), [30], points=100)

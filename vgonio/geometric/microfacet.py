@@ -6,6 +6,7 @@ sums over facets and shares of rays, so the difference to the traced single refl
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,12 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..dataset import brdf_dataset, label
 from ..directions import Detector, Incoming, angle_list, half_vectors, unit_vectors, wavelength_list
-from ..errors import InputError
+from ..errors import InputError, VgonioWarning
 from ..materials import Material
 from ..materials import material as named_material
 from ..surface.heightfield import Heightfield
 from ..surface.mesh import Mesh, mesh, mirrored
+from ..surface.symmetry import leaning_in_words
 from ..units import degrees, radians
+from .sides import MIRROR, PERIODIC
 from .trace import Tracer, next_facet
 from .tracers import TRACERS
 
@@ -192,8 +195,16 @@ def prediction(
 
 def _prepared(surface: Heightfield, refinement: int, tracer: str) -> tuple[Facets, Tracer, str]:
     whole = surface if surface.periodic else mirrored(surface)
+    lean = "" if surface.periodic else leaning_in_words(surface)
+    if lean:
+        warnings.warn(
+            f"microfacets: a finite sample is continued by its mirror images, but its slopes lean to one side {lean}: "
+            "masking and prediction are those of both in one; give periodic = true if it repeats",
+            VgonioWarning,
+            stacklevel=3,
+        )
     facets = Facets.of(whole, refinement)
-    return facets, TRACERS[tracer](facets.mesh), "periodic" if surface.periodic else "mirrored 2 × 2 supercell"
+    return facets, TRACERS[tracer](facets.mesh), PERIODIC if surface.periodic else MIRROR
 
 
 def _drawn(weight: Floats, count: int, rng: np.random.Generator) -> Ints:

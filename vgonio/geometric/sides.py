@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..directions import Incoming
 from ..surface.heightfield import Heightfield
 from ..surface.mesh import mirrored
-from ..surface.symmetry import leaning
+from ..surface.symmetry import leaning, leaning_in_words
 from .beam import Scene
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def caution(surface: Heightfield, incoming: Incoming, mirror: Mask) -> str:
     """What mirror images do to the result of a surface whose slopes lean to one side; empty where they do no harm."""
     if not mirror.any():
         return ""
-    lean = ", ".join(f"{k} ({100 * abs(v):.0f} %)" for k, v in leaning(surface).items())
+    lean = leaning_in_words(surface)
     if not lean:
         return ""
     return (

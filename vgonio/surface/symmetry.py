@@ -35,6 +35,11 @@ def leaning(surface: Heightfield) -> dict[str, float]:
     return found
 
 
+def leaning_in_words(surface: Heightfield) -> str:
+    """ "along x (57 %)", or nothing."""
+    return ", ".join(f"{name} ({100 * abs(share):.0f} %)" for name, share in leaning(surface).items())
+
+
 def _moments(surface: Heightfield) -> list[tuple[Floats, Floats]]:
     """For each direction the means over the pieces of what changes its sign, and of what it is compared with."""
     z = surface.z
