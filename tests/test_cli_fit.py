@@ -218,3 +218,38 @@ def test_what_counts_as_a_shift(height, error, expected):
     from vgonio.compare.significance import is_shift
 
     assert is_shift(height, error) is expected
+
+
+# ---- the material
+def test_an_assumed_material_is_said_first(small, capsys):
+    assert run("fit", small, "--model", "cook-torrance-1982") == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith("material: Al (aluminium) is assumed, none is given: --material NAME changes it")
+    assert run("fit", small, "--model", "cook-torrance-1982", "--material", "Al") == 0
+    assert "material:" not in capsys.readouterr().out.splitlines()[0]
+    # without F in the shift and in the model there is none to assume
+    assert run("fit", small, "--model", "lambert-1760", "--p", "0") == 0
+    assert "assumed" not in capsys.readouterr().out
+
+
+def test_a_material_that_the_data_name_is_taken(small):
+    from vgonio.cli.fit import _material_of
+
+    data = formats.read(small)
+    assert _material_of({"a": data.assign_attrs(material="Cu")})[0] == "Cu"
+    name, said = _material_of({"a": data.assign_attrs(material="anodised, from the shelf")})
+    assert name == "Al"
+    assert "the data name anodised, from the shelf" in said
+    two = {"a": data.assign_attrs(material="Cu"), "b": data.assign_attrs(material="Au")}
+    assert _material_of(two)[0] == "Al"
+
+
+def test_wavelengths_beyond_an_assumed_table_ask_for_the_samples_material(small, tmp_path, capsys):
+    data = formats.read(small)
+    far = data.assign_coords(wavelength=data.wavelength.values * 2)
+    formats.write(far, tmp_path / "far.json")
+    words = refusal(capsys, "fit", tmp_path / "far.json", "--wavelength-n", "1200")
+    assert "no material was given: --material states the sample's own" in words
+    assert words.index("name the sample's own material") < words.index("Al:McPeak")
+    given = refusal(capsys, "fit", tmp_path / "far.json", "--wavelength-n", "1200", "--material", "Al")
+    assert "no material was given" not in given

@@ -8,10 +8,13 @@ from typing import Annotated, Any
 
 import typer
 
-from ..errors import InputError, VgonioError, nearest
+from ..errors import InputError, MaterialError, VgonioError, nearest
 from .common import Json, Quiet, Threads, print_json, print_table, progress_bars, save_figure, say
 from .results import known_material, load_all, load_one
 
+_REMEDY = (
+    " (no material was given: --material states the sample's own, perfect, or none for a dielectric such as plastic)"
+)
 SHIFT_COLUMNS = ("of", "quantity", "value", "error", "unit")
 
 
@@ -31,8 +34,14 @@ def fit(
         ),
     ] = None,
     material: Annotated[
-        str, typer.Option("--material", help="Of the facets; none: a dielectric, whose index and k_d are fitted.")
-    ] = "Al",
+        str | None,
+        typer.Option(
+            "--material",
+            metavar="NAME",
+            help="Of the facets; none: a dielectric, whose index and k_d are fitted.",
+            show_default="what DATA name, else Al",
+        ),
+    ] = None,
     exponent: Annotated[
         float, typer.Option("--exponent", metavar="W", help="w of the cost function: weight of steep incidence.")
     ] = 1.0,
@@ -80,12 +89,15 @@ def fit(
     from ..compare.colour import SCALE_WORDS
     from ..units import meant_nm
 
-    reflector = known_material(material)
+    if material is not None:
+        known_material(material)
     if scale not in SCALE_WORDS:
         raise InputError(f"--scale {scale}: {nearest(scale, SCALE_WORDS)}")
     if not 100 <= wavelength_n <= 100_000:
         raise InputError(f"--wavelength-n {wavelength_n:g}{meant_nm(wavelength_n) or ': it is in nm, as 600'}")
     samples = load_all(data, one_point=True)
+    material, assumed = (material, "") if material is not None else _material_of(samples)
+    reflector = known_material(material)
     traced = None if rays is None else _traced(rays)
     limits, number = _limits(wavelengths), _exponent(p)
     names = tuple(model or ("cook-torrance-1982", "clausen-2022"))
@@ -94,12 +106,18 @@ def fit(
     if output is not None:
         _check_output(output, len(samples) * len(names))
     from ..compare import broken_physics, fit_models, model_table
+    from ..models import find
 
+    if assumed and not as_json and (number != 0 or any(find(m).takes_material for m in names)):
+        say(assumed)
     options: dict[str, Any] = {"exponent": exponent, "wavelength_range_nm": limits, "errors": errors}
     options["only_where_known"] = {"wavelength_n_nm": wavelength_n, "single_share": traced}
     with progress_bars() as progress:
         report = None if progress is None else (lambda x: progress("fits", x))
-        fits = fit_models(samples, names, reflector, report, **options)
+        try:
+            fits = fit_models(samples, names, reflector, report, **options)
+        except MaterialError as e:
+            raise MaterialError(f"{e}{_REMEDY if assumed else ''}") from None
     shift = [
         row
         for name, found in samples.items()
@@ -128,6 +146,23 @@ def fit(
         say(f"fits: {output}")
     for line in drawn:
         say(line)
+
+
+def _material_of(samples: dict[str, Any]) -> tuple[str, str]:
+    """The material that the data name, else Al, and a line that says which was taken."""
+    from ..materials import material
+
+    named = {str(d.attrs["material"]) for d in samples.values() if d.attrs.get("material")}
+    if len(named) == 1:
+        (name,) = named
+        try:
+            material(name)
+        except VgonioError:
+            pass  # a sample's own name for what it is made of
+        else:
+            return name, f"material: {name}, which the data name (--material NAME for another, none for a dielectric)"
+    why = f"the data name {', '.join(sorted(named))}" if named else "none is given"
+    return "Al", f"material: Al (aluminium) is assumed, {why}: --material NAME changes it, none is a dielectric"
 
 
 def _list(as_json: bool) -> None:

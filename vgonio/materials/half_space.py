@@ -54,7 +54,10 @@ class Material:
         # tables are given to a few digits: half a picometre of slack
         if np.any(w < lo - 5e-4) or np.any(w > hi + 5e-4):
             out = w[(w < lo - 5e-4) | (w > hi + 5e-4)].flat[0]
-            remedy = meant_nm(out, lo, hi) or ": choose wavelengths inside, or another source (for example 'Al:McPeak')"
+            remedy = meant_nm(out, lo, hi) or (
+                ": name the sample's own material if it is another ('perfect' has no table), choose wavelengths "
+                "inside, or another source of the same ('Al:McPeak')"
+            )
             raise MaterialError(
                 f"material {self.name!r} is tabulated from {lo:g} to {hi:g} nm, {out:g} nm was asked for{remedy}"
             )
