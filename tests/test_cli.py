@@ -485,3 +485,17 @@ def test_kinds_of_surfaces_are_listed_with_what_they_take(capsys):
         }
     assert main(["surface", "make", "gaussian"]) == 2
     assert "-o FILE" in capsys.readouterr().err
+
+
+def test_verdict_prints_what_the_result_says(result, capsys):
+    assert main(["verdict", str(result)]) == 0
+    said = vg.open(result).vgonio.verdict()
+    assert capsys.readouterr().out.strip() == str(said)
+    assert main(["verdict", str(result), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {
+        "alarms": said.alarms,
+        "statements": said.statements,
+        "cautions": said.cautions,
+    }
+    assert main(["verdict", "none.nc"]) == 2
+    assert "no such result file" in capsys.readouterr().err

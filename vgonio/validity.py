@@ -7,17 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .surface.statistics import parameters, slopes
+from .wave.trust import NOTABLE, PHASE, SMITH_LIMIT, STEEP_DEG, STEEP_SHARE
 
 if TYPE_CHECKING:
     from .surface import Heightfield
     from .wave.trust import Expectation
 
-STEEP_DEG = 30.0  # a facet steeper than this throws normally incident light onto a neighbour of the same slope
-STEEP_SHARE = 0.01  # of the facets: a choice, so that a few noisy points of a smooth surface raise no alarm
-SMITH_LIMIT = 1.6  # Walter et al. 2007: masking is negligible for 1/(α tan θ) ≥ 1.6
 CURVATURE_FACTOR = 10.0  # "much larger" of Beckmann and Spizzichino 1963: 4π r cos θ ≫ λ
 FEW_WINDOWS = 10  # speckle of ten windows is a third of the BRDF
-NOTABLE = 0.05  # error beside rigorous gratings that is worth a warning
 
 
 def steep_share(surface: Heightfield) -> float:
@@ -53,7 +50,7 @@ def wave_warnings(
         found += limits(surface, light.theta_i_deg, light.wavelength_nm)
     if "harvey-shack" in theories:
         factor = 2 / (2 * np.cos(np.deg2rad(min(angles, 89.0))))
-        if factor > 1.2:
+        if factor > PHASE:
             found.append(
                 f"harvey-shack takes q_z = 2k at every angle, up to {factor:.1f} times the phase of the other theories "
                 f"at {angles:g}°: trust it near the normal only"

@@ -20,6 +20,7 @@ from . import (
     surface,
     sweep,
     validate,
+    verdict,
 )
 
 app = typer.Typer(
@@ -60,6 +61,7 @@ app.add_typer(surface.app, name="surface")
 app.add_typer(measured.app, name="measured")
 app.command("compare")(results.compare)
 app.command("fit")(fit.fit)
+app.command("verdict")(verdict.verdict)
 app.command("report")(results.report)
 app.command("explore")(explore.explore)
 app.command("render")(render.render)

@@ -115,6 +115,15 @@ def multiple_share(rays: xr.Dataset) -> tuple[xr.DataArray, xr.DataArray]:
     return share.where(trusted), error.where(trusted)
 
 
+def total_share(rays: xr.Dataset, theta_i: float) -> float:
+    """Share of the reflected power that was reflected more than once; NaN without tallies."""
+    if "energy_by_bounce" not in rays:
+        return float("nan")
+    energy = near(rays)["energy_by_bounce"].sel(theta_i=theta_i, method="nearest")
+    total = float(energy.sum())
+    return 1 - float(energy.sel(bounce=1)) / total if total > 0 else float("nan")
+
+
 def bright(data: xr.Dataset) -> xr.DataArray:
     """Where brdf exceeds 10⁻³ of its largest value over the detector, the part for which an error is promised."""
     dim = "theta_o" if in_plane(data) else "cell"

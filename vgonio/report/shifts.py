@@ -14,7 +14,7 @@ from ..compare.significance import SIGMAS, no_shift
 from ..errors import VgonioError
 from . import quantities as q
 from .content import Content
-from .tables import Table, number, plus_minus
+from .tables import ROUNDING, Table, number, plus_minus, significance
 
 NEAR = 15.0  # degrees: what counts as around the mirror direction or back-scattering
 FEWEST = 3  # directions that a mean is taken over
@@ -83,6 +83,8 @@ def mean_shift(slopes: xr.Dataset, side: str) -> MeanShift | None:
 
 def signed(m: float, digits: int = 2) -> str:
     """A slope in % per 100 nm with its sign."""
+    if abs(m) * 1e4 < ROUNDING:
+        return "0"
     return ("+" if m > 0 else "") + number(m * 1e4, digits)
 
 
@@ -90,16 +92,18 @@ def in_words(mean: MeanShift | None) -> str:
     """+9.1 ± 0.3 % per 100 nm (towards red, 30 σ)."""
     if mean is None:
         return "too little light to tell"
+    if (abs(mean.slope) + mean.stderr) * 1e4 < ROUNDING:
+        return "0 % per 100 nm (to rounding)"
     sign = "+" if mean.slope > 0 else ""
     value = f"{sign}{plus_minus(mean.slope * 1e4, mean.stderr * 1e4)} % per 100 nm"
     sigma = abs(mean.slope) / mean.stderr if mean.stderr > 0 else math.inf
     if abs(mean.slope) + SIGMAS * mean.stderr < NEGLIGIBLE:
         return f"{value} (practically none)"
     if sigma < SIGMAS:
-        return f"{value} (not significant, {sigma:.1f} σ)"
+        return f"{value} (not significant, {significance(sigma)})"
     if abs(mean.slope) < NEGLIGIBLE:
-        return f"{value} (hardly any, {sigma:.0f} σ)"
-    return f"{value} (towards {'red' if mean.slope > 0 else 'blue'}, {sigma:.0f} σ)"
+        return f"{value} (hardly any, {significance(sigma)})"
+    return f"{value} (towards {'red' if mean.slope > 0 else 'blue'}, {significance(sigma)})"
 
 
 def mean_table(slopes: Mapping[str, xr.Dataset], titles: Mapping[str, str]) -> Table:

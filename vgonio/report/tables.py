@@ -14,6 +14,8 @@ import xarray as xr
 from . import quantities as q
 from .style import SUPERSCRIPT, angle, some
 
+ROUNDING = 1e-6  # percent: what is smaller is left from rounding
+
 
 @dataclass(frozen=True)
 class Table:
@@ -46,6 +48,11 @@ def number(value: Any, digits: int = 3) -> str:
     return f"{mantissa}·10{str(int(power)).translate(SUPERSCRIPT)}".replace("-", "−")
 
 
+def significance(sigma: float) -> str:
+    """3.2 σ, 31 σ; beyond 100 no digit of it means anything."""
+    return "> 100 σ" if sigma > 100 else f"{sigma:.{1 if sigma < 10 else 0}f} σ"
+
+
 def plus_minus(value: float, error: float) -> str:
     """9.1 ± 0.3: the error with one digit, two where it begins with 1, the value to the same place."""
     if not (math.isfinite(error) and error > 0):
@@ -58,10 +65,12 @@ def plus_minus(value: float, error: float) -> str:
 
 
 def percent(share: float, digits: int = 2) -> str:
-    """0.123 → 12 %; below a thousandth of a percent in powers of ten."""
+    """0.123 → 12 %; below a thousandth of a percent in powers of ten, below ROUNDING as < 10⁻⁶ %."""
     if share is None or not math.isfinite(share):
         return "–"
     x = 100 * share
+    if 0 < abs(x) < ROUNDING:
+        return "< 10⁻⁶ %" if x > 0 else "0 % (to rounding)"
     if x == 0 or abs(x) >= 10**digits:
         return f"{x:.0f} %".replace("-", "−")
     return f"{number(x, digits)} %"

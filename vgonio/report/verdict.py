@@ -12,11 +12,13 @@ import xarray as xr
 
 from ..compare.significance import SIGMAS
 from . import quantities as q
-from .agreement import Agreement
+from .agreement import Agreement, unlike
 from .content import Content
 from .shifts import in_words, mean_shift, signed
 from .style import angle
 from .tables import first, number, percent
+from .trusted import recommendation
+from .wave_reflections import reflections_in_words
 
 SUM_TOLERANCE = 1e-6  # the white furnace and every tally close to rounding; this is far above it
 
@@ -64,6 +66,8 @@ def verdict(
     made, results = Verdict(), content.results
     if "rays" in results and "brdf_by_bounce" in results["rays"]:
         reflections(made, results["rays"], content.theta_i)
+    for name, data in results.items():
+        made.add(reflections_in_words(name, data) if name.startswith("waves") else None)
     for name, data in slopes.items():
         shift(made, results, name, data)
     for pair in agreements:
@@ -75,6 +79,9 @@ def verdict(
     for name, data in results.items():
         energy_of_waves(made, name, data)
     made.cautions += cautions(content)
+    advice = recommendation(results, content.surface)
+    if advice:
+        made.statements.insert(0, advice)
     if not (made.statements or made.alarms):
         made.add("The result holds nothing that can be judged yet: no rays, no waves, no measurement.")
     return made
@@ -147,7 +154,7 @@ def reflections(made: Verdict, rays: xr.Dataset, theta_i: float) -> None:
     known = {side: share for side, share in shares.items() if math.isfinite(share[0])}
     dark = " and in ".join(side for side in shares if side not in known)
     where = f"rays, {number(float(one['wavelength']))} nm, θᵢ = {angle(theta_i)}"
-    total = total_share(rays, theta_i)
+    total = q.total_share(rays, theta_i)
     parts = [f"{percent(total)} of all reflected light"] if math.isfinite(total) else []
     parts += [f"{share_text(*share)} of the light in {side}" for side, share in known.items()]
     if parts:
@@ -158,15 +165,6 @@ def reflections(made: Verdict, rays: xr.Dataset, theta_i: float) -> None:
         note = "; ".join(text for text in (what, short) if text)
         value = percent(total if math.isfinite(total) else next(iter(known.values()))[0])
         made.cards.append(Card("Reflected more than once", value, f"{note} ({where})"))
-
-
-def total_share(rays: xr.Dataset, theta_i: float) -> float:
-    """Share of the reflected power that was reflected more than once; NaN without tallies."""
-    if "energy_by_bounce" not in rays:
-        return math.nan
-    energy = q.near(rays)["energy_by_bounce"].sel(theta_i=theta_i, method="nearest")
-    total = float(energy.sum())
-    return 1 - float(energy.sel(bounce=1)) / total if total > 0 else math.nan
 
 
 def share_at(one: xr.Dataset, theta_o: float) -> tuple[float, float]:
@@ -203,7 +201,8 @@ def agreement_of(
     a, b = pair.names
     first_one, second = q.title(a, results[a]), q.in_words(b, results[b])
     delta = f", mean ΔE₀₀ of the colour alone {number(colour[f'{a} and {b}'], 2)}" if f"{a} and {b}" in colour else ""
-    note = f"NRMSE {percent(pair.nrmse)}{delta}"
+    apart = unlike(results[a], results[b])
+    note = f"NRMSE {percent(pair.nrmse)}{delta}{'; not of the theories alone, see below' if apart else ''}"
     made.cards.append(Card(f"{first_one} against {second}, median difference", percent(pair.median), note))
     sides = ""
     if math.isfinite(pair.mirror_side) and math.isfinite(pair.source_side):
@@ -216,6 +215,7 @@ def agreement_of(
         f"{first_one} and {second} differ by {percent(pair.median)} in the median{sides}. NRMSE, which the brightest "
         "directions rule: "
         f"{percent(pair.nrmse)}{noise}.{delta[1:].replace(' mean', ' Mean') + '.' if delta else ''}"
+        f"{' ' + apart if apart else ''}"
     )
 
 

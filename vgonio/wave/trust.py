@@ -23,6 +23,11 @@ NEAR = 3  # gratings of the table that an expectation is made from
 SCALE_DEG = 25.0  # a difference of the angle of incidence that counts as much as a factor 2 in depth or period
 OUTSIDE = 1.25  # so much beyond the table's range of depth or period, as a factor, and there is no saying
 OUTSIDE_DEG = 5.0  # and so much beyond its angles
+STEEP_DEG = 30.0  # a facet steeper than this throws normally incident light onto a neighbour of the same slope
+STEEP_SHARE = 0.01  # of the facets: a choice, so that a few noisy points of a smooth surface raise no alarm
+SMITH_LIMIT = 1.6  # Walter et al. 2007: masking is negligible for 1/(α tan θ) ≥ 1.6
+NOTABLE = 0.05  # error beside rigorous gratings that is worth a warning
+PHASE = 1.2  # of harvey-shack's phase over that of the other theories, from which on it is worth one
 
 
 @dataclass(frozen=True)
