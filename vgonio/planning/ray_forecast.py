@@ -74,7 +74,7 @@ def ray_forecast(
     """
     if solver.tol is None:
         found = _forecast(solver, surface, incoming, detector, speeds, threads, None)
-        if first_look and found.rough:
+        if first_look and found.rough and np.ptp(surface.z) > 0:  # of a plane there is nothing to find out
             return _with_first_look(found, solver, surface, incoming, detector, speeds, threads)
         return found
     looked = look(solver, surface, incoming, detector)
