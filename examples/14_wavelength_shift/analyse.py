@@ -119,8 +119,9 @@ def shares(data: xr.Dataset, theta_i: float, which: str) -> dict[str, float]:
     }
 
 
-def figure(samples: Mapping[str, xr.Dataset], theta_i: float):
-    """Above: slope against θ_o, by parts; below: shares of multiple reflections and of diffraction at 600 nm."""
+def figure(samples: Mapping[str, xr.Dataset], theta_i: float, highest: float = 60.0):
+    """Above: slope against θ_o, by parts; below: shares of multiple reflections and of diffraction at 600 nm, up to
+    `highest` %."""
     from matplotlib.figure import Figure
 
     made = Figure(figsize=(max(7.0, 2.6 * len(samples)), 5.2), layout="constrained")
@@ -140,7 +141,7 @@ def figure(samples: Mapping[str, xr.Dataset], theta_i: float):
             ax.spines[["top", "right"]].set_visible(False)
     grid[0, 0].set_ylim(-60, 40)
     grid[0, 0].set_ylabel("shift (% per 100 nm)")
-    grid[1, 0].set_ylim(0, min(60.0, grid[1, 0].get_ylim()[1]))
+    grid[1, 0].set_ylim(0, min(highest, grid[1, 0].get_ylim()[1]))
     grid[1, 0].set_ylabel("of the light at 600 nm (%)")
     labelled = [pair for ax in grid[:, 0] for pair in zip(*ax.get_legend_handles_labels())]
     made.legend(*zip(*labelled), loc="outside upper left", ncols=4, fontsize=7.5, frameon=False)
@@ -185,6 +186,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--samples", type=int, nargs="+", default=[1, 2, 3, 4, 5])
     parser.add_argument("--theta-i", type=float, default=40.0)
     parser.add_argument("--fine-nm", type=float, nargs="+", default=[0.0])
+    parser.add_argument("--highest", type=float, default=60.0, help="largest share drawn, in %%")
     parser.add_argument("--quick", action="store_true", help="two rows of sample 1 at 40°, simulated now")
     asked = parser.parse_args(arguments)
     if asked.quick:
@@ -206,7 +208,7 @@ def main(arguments: list[str] | None = None) -> None:
                 line += f"   changed by diffraction {of['diffraction']:.2%}, {of['side']:.2%} of all light"
             print(line)
     if asked.output:
-        figure(samples, asked.theta_i).savefig(asked.output, dpi=150)
+        figure(samples, asked.theta_i, asked.highest).savefig(asked.output, dpi=150)
         print(f"figure: {asked.output}")
     check()
 

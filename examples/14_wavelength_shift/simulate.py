@@ -28,6 +28,7 @@ GONIO = vg.measure.Gonioreflectometer(
 QUICK = vg.measure.Gonioreflectometer([40], range(-85, 86, 5), aperture_deg=4.0, coherence_um=10.0)
 QUICK_WAVELENGTHS = (450.0, 600.0, 750.0)
 POINTS, FINE_POINTS = 10.0, 15.0  # per wavelength; 10 change the back-scattering of fine roughness by 1.5 % at 750 nm
+ALLOWED = 0.05  # of the light of a flat mirror, see check
 
 
 def profile(sample: int, row: int) -> vg.surface.Heightfield:
@@ -90,12 +91,10 @@ def orders(
 
 def check(data: xr.Dataset) -> float:
     """How far all light, with diffraction, is from what a flat mirror reflects, at 600 nm and up to 40°: the relief is
-    gentle, and what is reflected once leaves. 5 % is allowed for several reflections, speckle, and what fine roughness
-    lets the metal absorb."""
+    gentle, and what is reflected once leaves. ALLOWED is for several reflections, speckle, and what fine roughness lets
+    the metal absorb."""
     some = data.sel(wavelength=600.0, theta_i=data["theta_i"] <= 40)
-    off = float(abs(some["energy_reflected"] / some["fresnel_macro"] - 1).max())
-    assert off < 0.05, off
-    return off
+    return float(abs(some["energy_reflected"] / some["fresnel_macro"] - 1).max())
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -113,6 +112,7 @@ def main(arguments: list[str] | None = None) -> None:
         asked.rows, asked.windows, asked.wavelengths, gonio = 2, 1, QUICK_WAVELENGTHS, QUICK
     asked.folder.mkdir(parents=True, exist_ok=True)
     jobs = [(s, r, f) for r in range(asked.rows) for s in asked.samples for f in asked.fine_nm]
+    outside = []  # told at the end: a row that fails the check is a result as well, and leaving it out would choose
     for n, (sample, row, fine) in enumerate(jobs):
         path = asked.folder / f"sample{sample}_row{row:02d}_fine{fine:g}.nc"
         if not path.exists():
@@ -123,6 +123,9 @@ def main(arguments: list[str] | None = None) -> None:
             vg.save(orders(surface, asked.wavelengths, asked.windows, gonio, per), path)
         off = check(vg.open(path).to_dataset())
         print(f"{n + 1} of {len(jobs)}: {path.name}, check: {off:.2%} from the light of a flat mirror", flush=True)
+        outside += [path.name] * (off >= ALLOWED)
+    if outside:
+        raise SystemExit(f"all rows are there, but more than {ALLOWED:.0%} from a flat mirror: {', '.join(outside)}")
 
 
 if __name__ == "__main__":

@@ -48,6 +48,21 @@ def test_fine_roughness_is_what_the_microscope_does_not_see(example):
     assert np.abs(again - coarse.z[0]).max() < 1e-9
 
 
+def test_rows_that_fail_the_check_are_kept_and_named_at_the_end(example, tmp_path, monkeypatch):
+    """Of two rows one lacks 6 % of a flat mirror's light at 40°, the other 4 %; at 60° 20 % do not count."""
+    simulate, lost = example["simulate"], iter([0.06, 0.04])
+
+    def orders(*_):
+        mirror = xr.DataArray([[0.9, 0.9]], coords={"wavelength": [600.0], "theta_i": [40.0, 60.0]})
+        left = xr.DataArray([1 - next(lost), 0.8], coords={"theta_i": [40.0, 60.0]})
+        return xr.Dataset({"energy_reflected": mirror * left, "fresnel_macro": mirror})
+
+    monkeypatch.setattr(simulate, "orders", orders)
+    with pytest.raises(SystemExit, match=r"more than 5% .*: sample1_row00_fine0.nc$"):
+        simulate.main([str(tmp_path), "--rows", "2"])
+    assert len(list(tmp_path.glob("*.nc"))) == 2
+
+
 def test_slopes_of_known_spectra(example):
     analyse = example["analyse"]
     wavelength = np.arange(400.0, 751.0, 50.0)
