@@ -133,6 +133,12 @@ def fit(
     if as_json:
         print_json({"shift": shift, "models": table, "appearance": looks, "delta_e_scale": scale})
         return
+    _print(shift, table, looks, scale)
+    for line in ([f"fits: {output}"] if output is not None else []) + drawn:
+        say(line)
+
+
+def _print(shift: list[dict[str, Any]], table: list[dict[str, Any]], looks: list[dict[str, Any]], scale: str) -> None:
     print_table("Shift", SHIFT_COLUMNS, [[r[k] for k in SHIFT_COLUMNS] for r in shift])
     columns = {"sample": "sample", "model": "model", "delta_e": "mean dE00", "gain": "gain", "gain_stderr": "±"}
     columns |= {"nrmse": "NRMSE", "parameters": "parameters"}
@@ -142,10 +148,6 @@ def fit(
     for row in table:
         for note in row["notes"]:
             say(f"{row['sample']}, {row['model']}: {note}")
-    if output is not None:
-        say(f"fits: {output}")
-    for line in drawn:
-        say(line)
 
 
 def _material_of(samples: dict[str, Any]) -> tuple[str, str]:
