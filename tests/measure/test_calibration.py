@@ -187,7 +187,7 @@ def test_bad_calibrations_are_refused():
         calibration_factor(white, standard, theta_i_deg=30)
     with pytest.raises(InputError, match="no counts of the standard"):
         calibration_factor(white.where(False), standard)
-    with pytest.raises(InputError, match="known from 450 to 650 nm, 800 to 800"):
+    with pytest.raises(InputError, match="known from 450 to 650 nm, its BRDF is needed at 800 nm"):
         calibration_factor(white, standard, standard_nm=800)
     with pytest.raises(InputError, match="positive at every angle"):
         calibration_factor(-white, standard)

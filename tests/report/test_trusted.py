@@ -16,6 +16,7 @@ from vgonio.report.tables import percent, significance
 from vgonio.report.trusted import Ground, recommendation
 from vgonio.report.wave_reflections import reflections_in_words, shares
 from vgonio.wave import trust
+from vgonio.wave.closed_forms import mean_intensity
 
 THETA_I = [0.0, 30.0, 58.0]
 GENTLE = vg.surface.sinusoid(period_um=5, amplitude_um=0.05, shape=(4, 1000), pitch_um=0.05)
@@ -98,6 +99,21 @@ def test_rays_are_trusted_on_features_much_larger_than_the_wavelength():
         assert said.startswith("None of the methods")
         assert "no diffraction in it" in said
     assert '"iterated-kirchhoff"' in recommendation({"rays": result("rays")}, surface_dataset(ROUGH))
+
+
+def test_heights_are_rough_enough_for_rays_where_the_mean_lobe_is_that_of_the_slopes():
+    """Series of Beckmann and Spizzichino beside its limit exp(−q²T²/4g)/g, coherent peak (q ℓ < 8) apart."""
+    correlation, coherence = 50.0, 2000.0
+
+    def error(phase: float) -> float:
+        q = np.linspace(0.004, 14 * phase / correlation, 3000)
+        vectors = np.stack([q, 0 * q, np.ones_like(q)], axis=1)
+        exact = mean_intensity(vectors, phase, correlation, coherence)
+        limit = np.pi * (correlation / phase) ** 2 * np.exp(-((q * correlation / phase) ** 2) / 4)
+        return float(np.sum(abs(exact - limit) * q) / np.sum(exact * q))
+
+    assert error(trust.ROUGH_PHASE) < trust.NOTABLE < error(0.9 * trust.ROUGH_PHASE)
+    assert error(10.0) == pytest.approx(0.0062, rel=0.05)
 
 
 def test_without_a_surface_or_a_simulation_nothing_is_invented():

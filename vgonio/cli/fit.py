@@ -108,8 +108,6 @@ def fit(
     from ..compare import broken_physics, fit_models, model_table
     from ..models import find
 
-    if assumed and not as_json and (number != 0 or any(find(m).takes_material for m in names)):
-        say(assumed)
     options: dict[str, Any] = {"exponent": exponent, "wavelength_range_nm": limits, "errors": errors}
     options["only_where_known"] = {"wavelength_n_nm": wavelength_n, "single_share": traced}
     with progress_bars() as progress:
@@ -133,6 +131,8 @@ def fit(
     if as_json:
         print_json({"shift": shift, "models": table, "appearance": looks, "delta_e_scale": scale})
         return
+    if assumed and (number != 0 or any(find(m).takes_material for m in names)):
+        say(assumed)
     _print(shift, table, looks, scale)
     for line in ([f"fits: {output}"] if output is not None else []) + drawn:
         say(line)

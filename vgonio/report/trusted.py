@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from ..wave import trust
-from ..wave.iterated.limits import CURVATURE, GRATING_PERIOD
+from ..wave.iterated.limits import GRATING_PERIOD
 from . import quantities as q
 from .style import angle
 from .tables import first, number, percent
@@ -136,7 +136,7 @@ def _rigorous(data: xr.Dataset) -> Judgement:
 def _rays(ground: Ground, wavelength_um: float, theta: float) -> Judgement:
     wide = ground.grating[2] / wavelength_um
     deep = 4 * math.pi * ground.sq * math.cos(math.radians(theta)) / wavelength_um
-    if ground.walls or wide < GRATING_PERIOD or deep < CURVATURE:
+    if ground.walls or wide < GRATING_PERIOD or deep < trust.ROUGH_PHASE:
         size = f"features are {number(wide, 2)} wavelengths wide and heights {number(ground.sq / wavelength_um, 2)}"
         return Judgement(False, f"no diffraction in it, and {size}")
     return Judgement(True, f"features are {number(wide, 2)} wavelengths wide, so that diffraction matters little")
