@@ -1,9 +1,10 @@
 """What a scene will do before it is done: every stage with its reason, library and rough cost, and what to be wary of.
 
-Planning reads the surface (and a measured file) but simulates nothing and loads no ray or wave library, with two
-exceptions. Where a tolerance decides about the number of rays it takes a first look at some: nothing else tells how
-many that will be. And `plan` (not `simulate`, which plans as well) takes one where only that tells the error of the
-rays, into cones by chosen facets, and it takes no more than half a second or a twentieth of the run: the plan says so.
+Planning reads the surface (and a measured file) but simulates nothing and loads no ray or wave library, unless nothing
+but a first look at some rays tells: how many a tolerance will take; whether a finite sample whose slopes lean to one
+side has to be mirrored; what reflections and patches of iterated Kirchhoff leave out, where those are chosen. And
+`plan` (not `simulate`, which plans as well) takes one where only that tells the error of the rays, into cones by chosen
+facets, if it takes no more than half a second or a twentieth of the run: the plan says so.
 """
 
 from __future__ import annotations

@@ -19,6 +19,8 @@ from . import quantities as q
 from .style import angle
 from .tables import first, number, percent
 
+# asked in this order, each judged on this surface: what has diffraction comes before rays. `compare.reference` ranks
+# without a judgement, and there what holds on more surfaces comes first
 RANK = ("full-wave", "iterated-kirchhoff", "generalized-harvey-shack", "kirchhoff", "harvey-shack", "rays")
 
 
