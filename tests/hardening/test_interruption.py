@@ -1,7 +1,8 @@
 """Ctrl-C and SIGTERM at any moment, and two runs that write the same file.
 
 The processes are forked from one that has everything imported, so that many moments can be tried; each is a real run of
-a command with a real signal. A delay is drawn once (seeded) from the whole run, its end included.
+a command with a real signal. A delay is drawn (seeded) from the whole run, its end included. How long a run takes is learnt
+from every run that ends by itself, so that one slow run does not send all later signals after the end.
 """
 
 from __future__ import annotations
@@ -109,9 +110,13 @@ def test_a_signal_at_any_moment(folder, name, monkeypatch):
     interrupted = 0
     # the last moments, when files are written, get a third of the tries
     tries = 5 if "--report" in arguments else MOMENTS  # a page takes its time
-    delays = np.concatenate([rng.uniform(0, lasted, tries - 3), rng.uniform(0.75, 1.0, 3) * lasted])
-    for k, delay in enumerate(delays):
+    moments = [*rng.uniform(0, 1, tries - 3), *rng.uniform(0.75, 1, 3), *rng.uniform(0.05, 0.95, 50)]
+    for k, moment in enumerate(moments):
+        if k >= tries and interrupted >= 2:
+            break
         clean(folder)
+        delay = moment * lasted
+        begin = time.monotonic()
         begun, ready = os.pipe()
         pid = child(arguments, folder, ready)
         os.read(begun, 1)
@@ -129,6 +134,7 @@ def test_a_signal_at_any_moment(folder, name, monkeypatch):
         assert left(folder) <= {*outputs, "r.partial.nc"}, (delay, err)
         if status == 0:
             assert left(folder) == set(outputs)
+            lasted = min(lasted, time.monotonic() - begin)
             continue
         interrupted += status == 130
         assert status in (130, 98, -signal.SIGTERM), (delay, status, err)
