@@ -49,14 +49,22 @@ def heights(**asked: Any) -> np.ndarray:
     return assembly.prepared_surface(load_scene(scene(surface={"generate": ROUGH, **asked}))).z
 
 
-def seconds(work: Callable[[], Any], times: int = 3) -> tuple[Any, float]:
-    """What `work` returns, and the least processor seconds that it took."""
-    taken = []
-    for _ in range(times):
-        begin = time.process_time()
-        found = work()
-        taken.append(time.process_time() - begin)
-    return found, min(taken)
+def raced(short: Callable[[], Any], long: Callable[[], Any], share: float, least: int = 3) -> tuple[Any, Any, float]:
+    """What both return, and the least processor seconds of `short` over the least of `long`.
+
+    They take turns, so that what else the machine does meets both; `least` rounds, and up to 12 while the ratio is not
+    below `share`: the least of many runs is what the work takes, whatever disturbed some.
+    """
+    works, taken, found = (short, long), ([], []), [None, None]
+    for n in range(12):
+        for i, work in enumerate(works):
+            begin = time.process_time()
+            found[i] = work()
+            taken[i].append(time.process_time() - begin)
+        ratio = min(taken[0]) / min(taken[1])
+        if n + 1 >= least and ratio < share:
+            break
+    return (*found, ratio)
 
 
 @contextmanager
@@ -77,11 +85,10 @@ def counted(monkeypatch: pytest.MonkeyPatch, where: Any, name: str) -> Iterator[
 @pytest.mark.parametrize(("absent", "group"), [("wave", "rays"), ("geometric", "waves")])
 def test_an_absent_table_changes_no_other_result_and_costs_nothing(absent, group):
     """Rule "the scene has no [wave]", "no [geometric]", "no other result to compare with" (its colours too)."""
-    both, long = seconds(lambda: vg.simulate(scene()), 2)
-    alone, short = seconds(lambda: vg.simulate(scene(**{absent: None})), 2)
+    alone, both, ratio = raced(lambda: vg.simulate(scene(**{absent: None})), lambda: vg.simulate(scene()), 0.9)
     xr.testing.assert_identical(both[group]["brdf"], alone[group]["brdf"])
     assert "pairs" not in alone["comparison"].dims
-    assert short < 0.9 * long
+    assert ratio < 0.9
     made = vg.plan(scene(**{absent: None}))
     assert not made.needs("compare")
     assert not made.needs("colour")
@@ -196,11 +203,12 @@ def test_one_trace_serves_all_wavelengths(monkeypatch):
 @pytest.mark.parametrize("option", ["polarised", "statistics"])
 def test_what_is_not_asked_of_rays_is_not_tallied(option):
     hemisphere = vg.measure.Gonioreflectometer.hemisphere(theta_i_deg=[30], resolution_deg=10)
-    plain, short = seconds(lambda: hemisphere.measure(_rough(), _rays()))
-    more, long = seconds(lambda: hemisphere.measure(_rough(), _rays(**{option: True})))
+    plain, more, ratio = raced(
+        lambda: hemisphere.measure(_rough(), _rays()), lambda: hemisphere.measure(_rough(), _rays(**{option: True})), 0.9
+    )
     np.testing.assert_allclose(plain["brdf"], more["brdf"], rtol=1e-9, atol=1e-12)
     assert len(more.data_vars) > len(plain.data_vars)
-    assert short < 0.9 * long
+    assert ratio < 0.9
 
 
 def _rough() -> surface.Heightfield:
@@ -239,14 +247,17 @@ def test_angles_share_one_transform():
     def instrument(theta: list[int]) -> vg.measure.Gonioreflectometer:
         return vg.measure.Gonioreflectometer(theta_i_deg=theta, theta_o_deg=range(-60, 61, 10), coherence_um=6)
 
-    together, once = seconds(lambda: instrument(angles).measure(_rough(), waves))
-    apart, often = seconds(lambda: [instrument([a]).measure(_rough(), waves) for a in angles])
+    together, apart, ratio = raced(
+        lambda: instrument(angles).measure(_rough(), waves),
+        lambda: [instrument([a]).measure(_rough(), waves) for a in angles],
+        0.8,
+    )
     for a, alone in zip(angles, apart, strict=True):
         peak = float(together["brdf"].max())
         np.testing.assert_allclose(
             together["brdf"].sel(theta_i=a), alone["brdf"].sel(theta_i=a), rtol=0, atol=3e-4 * peak
         )
-    assert once < 0.8 * often
+    assert ratio < 0.8
 
 
 def test_further_reflections_are_left_out_where_none_exists():
@@ -254,13 +265,16 @@ def test_further_reflections_are_left_out_where_none_exists():
     profile = surface.gaussian(rms_um=0.1, correlation_um=4.0, shape=[1, 2048], pitch_um=0.05, seed=1)
     instrument = vg.measure.Gonioreflectometer(theta_i_deg=[0, 20], theta_o_deg=range(-60, 61, 10), coherence_um=8)
     asked = {"wavelength_nm": [550], "tol": 1e-2}
-    one, short = seconds(lambda: instrument.measure(profile, IteratedKirchhoff("perfect", bounces=1, **asked)), 5)
-    three, long = seconds(lambda: instrument.measure(profile, IteratedKirchhoff("perfect", bounces=3, **asked)), 5)
-    np.testing.assert_allclose(one["brdf"], three["brdf"], rtol=1e-9, atol=1e-12)
-    assert long < 2 * short
     steep = surface.gaussian(rms_um=2.0, correlation_um=4.0, shape=[1, 2048], pitch_um=0.05, seed=1)
-    _, needed = seconds(lambda: instrument.measure(steep, IteratedKirchhoff("perfect", bounces=3, **asked)), 1)
-    assert needed > 1.5 * long
+
+    def waves(made: surface.Heightfield, bounces: int) -> xr.Dataset:
+        return instrument.measure(made, IteratedKirchhoff("perfect", bounces=bounces, **asked))
+
+    three, one, ratio = raced(lambda: waves(profile, 3), lambda: waves(profile, 1), 2.0)
+    np.testing.assert_allclose(one["brdf"], three["brdf"], rtol=1e-9, atol=1e-12)
+    assert ratio < 2
+    # where they are needed they cost something
+    assert raced(lambda: waves(profile, 3), lambda: waves(steep, 3), 1 / 1.5, 1)[2] < 1 / 1.5
 
 
 def test_a_constant_reflectance_loads_no_table_of_materials():
@@ -273,8 +287,9 @@ def test_a_constant_reflectance_loads_no_table_of_materials():
 
 
 # ---- start-up
-def startup(code: str, compiled: Path, times: int = 5) -> float:
-    """Least processor seconds of a fresh interpreter that runs `code`, beyond those of one that runs nothing.
+def startup(code: str, library: str, limit: float, compiled: Path, rounds: int = 15) -> float:
+    """Processor seconds of a fresh interpreter that runs `code` over those of one that imports `library`, both beyond
+    those of one that runs nothing; the least of each, of five rounds and more of them while the ratio is above `limit`.
 
     Modules are compiled, as installing leaves them: the first of the runs does that into the folder `compiled`.
     """
@@ -289,14 +304,23 @@ def startup(code: str, compiled: Path, times: int = 5) -> float:
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
-    return min(one(code) for _ in range(times)) - min(one("pass") for _ in range(times))
+    programs = (code, f"import {library}", "pass")
+    taken: list[list[float]] = [[], [], []]
+    for n in range(rounds):
+        for program, times in zip(programs, taken):
+            times.append(one(program))
+        ours, theirs, nothing = map(min, taken)
+        ratio = (ours - nothing) / max(theirs - nothing, 1e-6)
+        if n >= 4 and ratio <= limit:
+            break
+    return ratio
 
 
 def test_import_takes_at_most_twice_numpy(agreement, tmp_path):
-    ratio = startup("import vgonio", tmp_path) / startup("import numpy", tmp_path)
+    ratio = startup("import vgonio", "numpy", 0.2, tmp_path)
     agreement("`import vgonio`, processor seconds", "`import numpy`", ratio, 2.0, unit="times")
 
 
 def test_help_takes_at_most_three_times_typer(agreement, tmp_path):
-    ratio = startup("from vgonio.cli import main\nmain(['--help'])", tmp_path) / startup("import typer", tmp_path)
+    ratio = startup("from vgonio.cli import main\nmain(['--help'])", "typer", 3.0, tmp_path)
     agreement("`vgonio --help`, processor seconds", "`import typer`", ratio, 3.0, unit="times")
