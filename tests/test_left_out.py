@@ -204,7 +204,9 @@ def test_one_trace_serves_all_wavelengths(monkeypatch):
 def test_what_is_not_asked_of_rays_is_not_tallied(option):
     hemisphere = vg.measure.Gonioreflectometer.hemisphere(theta_i_deg=[30], resolution_deg=10)
     plain, more, ratio = raced(
-        lambda: hemisphere.measure(_rough(), _rays()), lambda: hemisphere.measure(_rough(), _rays(**{option: True})), 0.9
+        lambda: hemisphere.measure(_rough(), _rays()),
+        lambda: hemisphere.measure(_rough(), _rays(**{option: True})),
+        0.9,
     )
     np.testing.assert_allclose(plain["brdf"], more["brdf"], rtol=1e-9, atol=1e-12)
     assert len(more.data_vars) > len(plain.data_vars)
