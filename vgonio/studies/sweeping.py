@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +27,11 @@ Progress = Callable[[int, int], None]
 IN_FLIGHT = 4  # points a thread: enough to keep it busy, few enough for the scheduler to hold in memory
 # after so many workers died under a point it is the point that kills them
 DEATHS = 3
+SETTINGS = {"distributed.scheduler.allowed-failures": DEATHS}
+# Of a cluster on this machine: processes are waited for however busy it is, and one is lost when it has ended, not when
+# it has long been silent, as it is while the machine sleeps or a job is stopped.
+OF_OUR_OWN = {"distributed.scheduler.worker-ttl": None, "distributed.comm.timeouts.connect": "120s"}
+ANSWER_SECONDS = 30
 
 
 def sweep(
@@ -99,45 +104,58 @@ def _todo(study: Study, store: Store, retry: bool, ended: Callable[[], None]) ->
 
 @contextmanager
 def _client(scheduler: str | None, workers: int | None, points: int) -> Iterator[Any]:
+    """A client of the scheduler at an address, or of a cluster of our own that ends with the block."""
     try:
+        import dask
         import distributed
     except ModuleNotFoundError:
         raise BackendError("a sweep needs Dask: pip install 'vgonio[sweep]'") from None
-    import dask
+    count = min(points, whole("workers", workers if workers is not None else os.cpu_count() or 1, 1))
+    with dask.config.set(SETTINGS if scheduler is not None else {**SETTINGS, **OF_OUR_OWN}), ExitStack() as begun:
+        if scheduler is not None:
+            client = begun.enter_context(_answering(scheduler))
+        else:
+            with undisturbed():  # a cluster that is broken off half made, or half ended, leaves processes behind
+                begun.enter_context(_without_the_callers_script())
+                cluster = begun.enter_context(_cluster(count))
+                client = begun.enter_context(distributed.Client(cluster, set_as_default=False))
+        try:
+            yield client
+        finally:
+            # What is computed is stored: a worker that does not end in Dask's time, as on a busy machine, loses none.
+            with undisturbed(), suppress(Exception):
+                begun.close()
+
+
+def _answering(scheduler: str) -> Any:
+    import distributed
     from distributed.comm import resolve_address
 
     # Never the default client of the process: one that found no scheduler would stay it, and files would be saved
     # under its locks (xarray asks Dask for them).
-    with dask.config.set({"distributed.scheduler.allowed-failures": DEATHS}):
-        if scheduler is not None:
-            try:
-                resolve_address(scheduler)  # a client that meets a bad address itself hangs for 20 s when it is dropped
-                client = distributed.Client(scheduler, timeout=10, set_as_default=False)
-            except (OSError, ValueError) as e:
-                raise BackendError(f"no Dask scheduler answers at {scheduler!r}: {e or type(e).__name__}") from None
-            with client:
-                yield client
-            return
-        count = min(points, whole("workers", workers if workers is not None else os.cpu_count() or 1, 1))
-        with ExitStack() as begun:
-            with undisturbed():  # a cluster that is broken off half made, or half ended, leaves processes behind
-                begun.enter_context(_without_the_callers_script())
-                cluster = distributed.LocalCluster(
-                    n_workers=count,
-                    threads_per_worker=1,
-                    processes=True,
-                    dashboard_address=":0",  # any free port, where None would take 8787 and warn of a second cluster
-                    scheduler_kwargs={"dashboard": False},
-                    silence_logs=50,
-                    preload=["vgonio.studies.worker"],
-                )
-                client = distributed.Client(begun.enter_context(cluster), set_as_default=False)
-                begun.enter_context(client)
-            try:
-                yield client
-            finally:
-                with undisturbed():
-                    begun.close()
+    try:
+        resolve_address(scheduler)  # a client that meets a bad address itself hangs for 20 s when it is dropped
+        return distributed.Client(scheduler, timeout=ANSWER_SECONDS, set_as_default=False)
+    except (OSError, ValueError) as e:
+        raise BackendError(f"no Dask scheduler answers at {scheduler!r}: {e or type(e).__name__}") from None
+
+
+def _cluster(count: int) -> Any:
+    import distributed
+
+    try:
+        return distributed.LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=":0",  # any free port, where None would take 8787 and warn of a second cluster
+            scheduler_kwargs={"dashboard": False},
+            silence_logs=50,
+            preload=["vgonio.studies.worker"],
+        )
+    except Exception as e:  # whatever the machine refused: memory, processes, ports
+        why = " ".join(f"{type(e).__name__}: {e}".split())
+        raise BackendError(f"{count} worker processes could not be started ({why}): take fewer of them") from None
 
 
 @contextmanager
