@@ -199,6 +199,51 @@ def test_a_signal_while_hdf5_writes_is_not_lost(tmp_path, result):
     assert signal.getsignal(signal.SIGINT) is before
 
 
+MAKE = "surface make flat --set shape=[4,4] --set pitch_um=1 -o s.npz".split()
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "other", [ValueError("an open handle"), SystemError("an exception set"), vg.errors.InputError("x")]
+)
+def test_a_signal_that_a_library_makes_another_error_of(tmp_path, monkeypatch, capsys, sent, other):
+    """As numpy does where a ZIP file cannot be closed, and h5py where a lock is let go: 130 all the same."""
+
+    def spoiled(*_, **__):
+        try:
+            signal.raise_signal(sent)
+        except KeyboardInterrupt:
+            raise other from None
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(vg.surface, "write", spoiled)
+    assert main(MAKE) == 130
+    assert capsys.readouterr().err == "vgonio: interrupted\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_where_python_can_raise_nothing_comes_again(tmp_path, monkeypatch, capfd, sent):
+    """While an object is deleted: Python would only write that an exception was ignored, and go on."""
+
+    class Deleted:
+        def __del__(self):
+            signal.raise_signal(sent)
+
+    def long_work(*_, **__):
+        Deleted()
+        end = time.monotonic() + HANGS
+        while time.monotonic() < end:
+            time.sleep(0.01)
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(vg.surface, "write", long_work)
+    hook = sys.unraisablehook
+    assert main(MAKE) == 130
+    assert sys.unraisablehook is hook
+    assert capfd.readouterr().err == "vgonio: interrupted\n"
+
+
 # ---- two at the same time
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 def test_two_runs_that_write_the_same_file(folder, monkeypatch):

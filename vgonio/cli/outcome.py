@@ -28,8 +28,8 @@ def run(arguments: list[str]) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # where a terminal knows no θ, a question mark has to do
     try:
-        with _termination_interrupts():
-            status = _command(arguments, kept)
+        with _interruptions() as came:
+            status = _command(arguments, kept, came)
     except KeyboardInterrupt as e:
         kept.show()
         notes = "; ".join(getattr(e, "__notes__", []))
@@ -50,27 +50,59 @@ def _stand_in_for_closed_streams() -> None:
 
 
 @contextmanager
-def _termination_interrupts() -> Iterator[None]:
-    """SIGTERM, as batch systems send it, ends a command like Ctrl-C: finished parts are kept, nothing half-written."""
+def _interruptions() -> Iterator[list[int]]:
+    """The signals that came: SIGTERM, as batch systems send it, ends a command as Ctrl-C does: finished parts are kept,
+    nothing half-written. None is lost where Python can raise nothing, as while an object is deleted: it is sent again.
+    """
+    came: list[int] = []
     if threading.current_thread() is not threading.main_thread():
-        yield
+        yield came
         return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+    def interrupt(number: int, frame: Any) -> None:
+        came.append(number)
+        raise KeyboardInterrupt
+
+    def lost(what: Any) -> None:
+        if issubclass(what.exc_type, KeyboardInterrupt) and came:
+            threading.Timer(0.05, again, [came[-1]]).start()  # not here: it would be lost again
+        else:
+            told(what)
+
+    def again(number: int) -> None:
+        if signal.getsignal(number) is interrupt:
+            os.kill(os.getpid(), number)
+
+    wanted = [s for s in (signal.SIGINT, signal.SIGTERM) if s == signal.SIGTERM or callable(signal.getsignal(s))]
+    before: dict[int, Any] = {s: signal.signal(s, interrupt) for s in wanted}
+    told, sys.unraisablehook = sys.unraisablehook, lost
     try:
-        yield
+        yield came
     finally:
-        signal.signal(signal.SIGTERM, before)
+        sys.unraisablehook = told
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
-def _command(arguments: list[str], kept: _Warnings) -> int:
+def _invoke(arguments: list[str], came: list[int]) -> None:
+    """Run the command; what a library made of an interruption, such as an error of a file it had open, is one again."""
     from .app import app
 
+    # not app(): that would end an interruption before its notes are read
+    command = typer.main.get_command(app)
+    try:
+        with command.make_context("vgonio", list(arguments)) as context:
+            command.invoke(context)
+    except Exception:
+        if came:
+            raise KeyboardInterrupt from None
+        raise
+
+
+def _command(arguments: list[str], kept: _Warnings, came: list[int]) -> int:
     try:
         with kept:
-            # not app(): that would end an interruption before its notes are read
-            command = typer.main.get_command(app)
-            with command.make_context("vgonio", list(arguments)) as context:
-                command.invoke(context)
+            _invoke(arguments, came)
         return DONE
     except typer.Exit as e:
         return e.exit_code
