@@ -9,6 +9,7 @@ import os
 import platform
 import shutil
 import subprocess
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 RECORDS = ROOT / "out" / "validated.json"
+YARDSTICK_SECONDS = 0.0345  # of the fixture `pace`, on one free core of the machine of vgonio.accuracy.built_in
+# plans are those of any machine, not of the one somebody has calibrated; what is about calibrations sets its own
+os.environ["VGONIO_CALIBRATION"] = "off"
 
 
 @pytest.fixture(scope="session")
@@ -32,6 +36,37 @@ def shared() -> Path:
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(20221101)
+
+
+@pytest.fixture
+def pace() -> Callable[[Callable[[], Any]], float]:
+    """pace(work): processor seconds of `work`, as they would be on the machine that built-in forecasts are of.
+
+    The least of three runs, over how many times longer than there a little numpy takes here and now: so a slow machine,
+    a fast one and a busy one find nearly the same.
+    """
+
+    def least(work: Callable[[], Any], times: int) -> float:
+        taken = []
+        for _ in range(times):
+            begin = time.process_time()
+            work()
+            taken.append(time.process_time() - begin)
+        return min(taken)
+
+    def yardstick() -> None:
+        x = np.random.default_rng(0).uniform(-1e3, 1e3, 300_000)
+        waves = np.exp(1j * x)
+        (waves + np.exp(-1j * x)).sum()
+        np.fft.fft(waves[: 1 << 18])
+        np.matmul(x[:90_000].reshape(300, 300), x[-90_000:].reshape(300, 300))
+
+    def measured(work: Callable[[], Any]) -> float:
+        before = least(yardstick, 5)
+        took = least(work, 3)
+        return took * YARDSTICK_SECONDS / max(min(before, least(yardstick, 5)), 1e-6)
+
+    return measured
 
 
 # ---- the table "validated against": docs/validated.py makes it from what this fixture records

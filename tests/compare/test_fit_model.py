@@ -295,7 +295,7 @@ def test_speed():
     data = models.evaluate("clausen-2022", theta_i, theta_o, np.arange(380, 780, 4.0), **CASES["shift, dielectric"][1])
     began = time.process_time()
     fit_model(noisy(data, 0), "clausen-2022", material=None)
-    assert time.process_time() - began < 10
+    assert time.process_time() - began < 20
 
 
 # ---- storage

@@ -136,7 +136,7 @@ def test_page_in_a_browser(browser, two_eyes, tmp_path, width):
     embedded = probe.embedded_pictures(text)
     assert len(embedded) >= 2
     command = [*browser, f"--user-data-dir={tmp_path}", f"--window-size={width},900", page.as_uri()]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    run = subprocess.run(command, capture_output=True, text=True, timeout=600, check=True)
     assert [line for line in run.stderr.splitlines() if "CONSOLE" in line] == []
     seen = json.loads(re.search(r"<title>(\{.*?\})</title>", run.stdout, re.S).group(1).replace("&amp;", "&"))
     assert len(seen["figures"]) == 8

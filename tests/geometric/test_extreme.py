@@ -20,11 +20,11 @@ ANGLES = range(-80, 81, 20)
 
 
 def measured(surface, theta=(0, 50), material="Al", rays=4000, **options):
-    start = time.perf_counter()
+    start = time.process_time()
     data = Gonioreflectometer(list(theta), ANGLES, aperture_deg=10).measure(
         surface, RayOptics(material, [550], rays=rays, **options)
     )
-    assert time.perf_counter() - start < 20
+    assert time.process_time() - start < 60  # nothing hangs: a tenth of a second is what most take
     for name in ("brdf", "brdf_stderr", "brdf_by_bounce", "energy_by_bounce", "energy_absorbed", "energy_lost"):
         assert np.all(np.isfinite(data[name])), name
         assert np.all(data[name] >= 0), name

@@ -31,11 +31,13 @@ class Packages:
     sdist: Path
 
 
-def command(*words: object, cwd: Path, timeout: float = 300) -> str:
+def command(*words: object, cwd: Path, timeout: float = 1200) -> str:
     """Standard output of a command in a clean environment; AssertionError with all it said where it fails."""
     kept = ("PATH", "HOME", "UV_CACHE_DIR", "UV_INDEX_URL", "UV_DEFAULT_INDEX", "PIP_INDEX_URL", "SSL_CERT_FILE")
     environment = {name: os.environ[name] for name in kept if name in os.environ}
     environment |= {"OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
+    # a slow network is no fault of ours
+    environment |= {"UV_HTTP_TIMEOUT": "300", "UV_HTTP_RETRIES": "10", "UV_LOCK_TIMEOUT": "1200"}
     if "PIP_INDEX_URL" in environment:
         environment.setdefault("UV_DEFAULT_INDEX", environment["PIP_INDEX_URL"])
     done = subprocess.run([str(word) for word in words], cwd=cwd, env=environment, timeout=timeout, capture_output=True)
@@ -92,7 +94,7 @@ def interpreter(version: str) -> str | None:
         candidates.insert(0, sys.executable)
     for candidate in filter(None, candidates):
         try:
-            asked = subprocess.run([candidate, "-c", "import venv"], capture_output=True, timeout=30, cwd="/")
+            asked = subprocess.run([candidate, "-c", "import venv"], capture_output=True, timeout=300, cwd="/")
         except OSError:
             continue
         if asked.returncode == 0:

@@ -59,7 +59,7 @@ def probed(tmp_path_factory, full_result):
 @pytest.mark.parametrize("width", [1280, 500])
 def test_page_loads_in_a_browser(browser, probed, tmp_path, width):
     command = [*browser, f"--user-data-dir={tmp_path}", f"--window-size={width},900", probed.as_uri()]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    run = subprocess.run(command, capture_output=True, text=True, timeout=600)
     assert run.returncode == 0, run.stderr[-2000:]
     complaints = [line for line in run.stderr.splitlines() if "CONSOLE" in line]
     assert not complaints

@@ -174,7 +174,7 @@ def seen_in_browser(browser, path, folder, width, steps, address=""):
     probe = PROBE.replace("STEPS", json.dumps(steps))
     path.write_text(path.read_text(encoding="utf-8").replace("</head>", probe, 1), encoding="utf-8")
     command = [*browser, f"--user-data-dir={folder / 'p'}", f"--window-size={width},900", path.as_uri() + address]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    run = subprocess.run(command, capture_output=True, text=True, timeout=600, check=True)
     assert [line for line in run.stderr.splitlines() if "CONSOLE" in line] == []
     title = re.search(r"<title>(\{.*?\})</title>", run.stdout, re.S)
     assert title, "the page did not finish loading"
