@@ -62,6 +62,8 @@ def execute(notebook: nbformat.NotebookNode, timeout: float = TIMEOUT_S) -> None
         client = NotebookClient(
             notebook,
             timeout=timeout,
+            startup_timeout=timeout,
+            iopub_timeout=timeout,  # an output that comes late is still an output
             kernel_name="python3",
             record_timing=False,
             coalesce_streams=True,
