@@ -37,7 +37,6 @@ class Record:
         self.calibrations, self.references = calibrations, references
         self.rows: dict[tuple[str, str], Row] = {}
         self.inside = False  # of a simulation, whose solvers are no calls of the program's own
-        self.loaded = set[str]()
 
     def add(self, group: str, part: str, **figures: Any) -> None:
         """Seconds of calls of one kind add up; of memory and errors the largest counts."""
@@ -178,6 +177,7 @@ def run_program(record: Record, path: str, arguments: list[str]) -> None:
 def run_call(record: Record, measure: Any, gonio: Any, surface: Any, solver: Any) -> Any:
     from vgonio.accuracy import calibration
     from vgonio.geometric import RayOptics
+    from vgonio.planning import loading
     from vgonio.planning.parts import of_waves
     from vgonio.planning.ray_forecast import ray_forecast
 
@@ -194,10 +194,11 @@ def run_call(record: Record, measure: Any, gonio: Any, surface: Any, solver: Any
         if found is None:
             return measure(gonio, surface, solver)
         known = found if name == first else known
-        fixed = on.speeds.fixed[kind]
-        expected[name] = found.seconds + (0.0 if kind in record.loaded else fixed[0])
-    base = status("VmRSS") + (0.0 if kind in record.loaded else fixed[1])
-    record.loaded.add(kind)
+        theory = {"FullWave": "full-wave", "IteratedKirchhoff": "iterated-kirchhoff"}.get(type(solver).__name__, "")
+        libraries = loading.OF_RAYS if kind == "rays" else loading.of_theory(theory, surface.is_profile)
+        once, size = loading.cost(libraries - loading.already(), on.speeds)
+        expected[name] = found.seconds + on.speeds.fixed[kind] + once
+    base = status("VmRSS") + size
     forget_peak()
     wall, used = time.perf_counter(), time.process_time()
     data = measure(gonio, surface, solver)

@@ -15,8 +15,9 @@ from vgonio.cli import main
 from vgonio.errors import FileFormatError, InputError
 
 SOME = {
-    **{name: 1.5e-7 for name in Speeds.__dataclass_fields__ if name != "fixed"},
-    "fixed": {"start": (0.5, 1e8), "rays": (0.1, 1e7)},
+    **{name: 1.5e-7 for name in Speeds.__dataclass_fields__ if name not in ("fixed", "loading")},
+    "fixed": {"rays": 0.1},
+    "loading": {"start": (0.5, 1e8), "rays": (0.0, 1e7)},
 }
 
 
@@ -34,7 +35,8 @@ def test_what_is_kept_comes_back(quick):
     made = vg.accuracy.calibrate()
     assert calibration() == made
     assert (made.threads, made.why_not) == (2, "")
-    assert made.speeds.fixed["start"] == (0.5, 1e8)
+    assert made.speeds.fixed["rays"] == 0.1
+    assert made.speeds.loading["start"] == (0.5, 1e8)
     assert [p.name for p in quick.parent.iterdir()] == ["calibration.json"]  # nothing temporary is left
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -17,7 +17,11 @@ from vgonio.planning.plans import duration, rounded_up
 
 @pytest.fixture(autouse=True)
 def known_machine(monkeypatch):
+    """Its built-in figures, and no library loaded, whatever tests ran before in this process."""
     monkeypatch.setenv("VGONIO_CALIBRATION", "off")
+    monkeypatch.setattr("vgonio.planning.loading.already", lambda: {"Python"})
+    # the time of planning itself counts as well, and is this machine's
+    monkeypatch.setattr("vgonio.planning.choice.time", SimpleNamespace(process_time=lambda: 0.0))
 
 
 def scene(**changes) -> dict:
@@ -147,14 +151,6 @@ def test_the_command_refuses_in_one_line_and_tells_what_it_chose(tmp_path, capsy
     assert max(map(len, out.splitlines()[:-1])) <= 118
     assert main(["simulate", str(path), "--tol", "0.05", *small, "-o", str(tmp_path / "a.nc")]) == 0
     assert "chosen: wave.tol = 0.05" in capsys.readouterr().out
-
-
-def test_a_run_meets_its_time():
-    """Seconds of the processor, of all threads together, so that other programs do not count; within 2 of what is
-    asked, as forecasts are, on a machine no more than twice slower than the built-in one."""
-    begin = time.process_time()
-    vg.simulate(scene(), max_seconds=15)
-    assert time.process_time() - begin < 2 * 15
 
 
 @pytest.mark.parametrize("given", [{"max_seconds": 0.5}, {"max_seconds": 1.0, "tol": 1e-3}, {"max_seconds": 1.0}])

@@ -14,7 +14,9 @@ from vgonio.scene import load_scene
 
 @pytest.fixture(autouse=True)
 def known_machine(monkeypatch):
+    """Its built-in figures, and no library loaded, whatever tests ran before in this process."""
     monkeypatch.setenv("VGONIO_CALIBRATION", "off")
+    monkeypatch.setattr("vgonio.planning.loading.already", lambda: {"Python"})
 
 
 def scene(shape, pitch_um, slope=0.85, **wave) -> dict:

@@ -34,16 +34,29 @@ SECONDS = {
     "far_term": (3e-08, 3e-08),
 }
 FIXED = {
+    "surface": (0.001, 0.001),
+    "surface summary": (0.005, 0.005),
+    "rays": (0.012, 0.012),
+    "waves": (0.04, 0.04),
+    "comparison": (0.075, 0.075),
+    "save": (0.12, 0.12),
+    "report": (0.95, 0.95),
+}
+LOADING = {
     "start": ((0.32, 1.1e08), (0.37, 1.1e08)),
-    "surface": ((0.007, 3.1e06), (0.0072, 3e06)),
-    "surface summary": ((0.11, 1e07), (0.1, 1e07)),
-    "rays": ((0.018, 7.4e06), (0.018, 7.3e06)),
-    "waves": ((0.16, 6.7e07), (0.17, 6.7e07)),
-    "comparison": ((0.45, 4.3e07), (0.47, 4.4e07)),
-    "save": ((0.22, 3.1e07), (0.21, 3.1e07)),
-    "report": ((0.96, 1.4e07), (0.97, 1.4e07)),
+    "surface": ((0.006, 3.1e06), (0.006, 3e06)),
+    "surface summary": ((0.105, 1e07), (0.095, 1e07)),
+    "rays": ((0.006, 7.4e06), (0.006, 7.3e06)),
+    "waves": ((0.12, 6.7e07), (0.13, 6.7e07)),
+    "comparison": ((0.38, 4.3e07), (0.4, 4.4e07)),
+    "save": ((0.1, 3.1e07), (0.09, 3.1e07)),
+    "report": ((0.03, 1.4e07), (0.03, 1.4e07)),
 }
 BUILT_IN = {
-    threads: Speeds(**{k: v[i] for k, v in SECONDS.items()}, fixed={k: v[i] for k, v in FIXED.items()})
+    threads: Speeds(
+        **{k: v[i] for k, v in SECONDS.items()},
+        fixed={k: v[i] for k, v in FIXED.items()},
+        loading={k: v[i] for k, v in LOADING.items()},
+    )
     for i, threads in enumerate(THREADS)
 }

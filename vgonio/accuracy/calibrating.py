@@ -145,12 +145,14 @@ def _entries(path: Path) -> dict[int, Calibration]:
 
 def speeds_of(kept: Mapping[str, Any]) -> Speeds:
     """Speeds from plain values; ValueError, TypeError or KeyError unless all are there, positive and finite."""
-    plain = {f.name: float(kept[f.name]) for f in fields(Speeds) if f.name != "fixed"}
-    fixed = {str(part): (float(seconds), float(size)) for part, (seconds, size) in kept["fixed"].items()}
-    figures = [*plain.values(), *(seconds for seconds, _ in fixed.values())]
-    if not all(math.isfinite(v) and v > 0 for v in figures) or set(kept) != {*plain, "fixed"}:
+    plain = {f.name: float(kept[f.name]) for f in fields(Speeds) if f.name not in ("fixed", "loading")}
+    fixed = {str(part): float(seconds) for part, seconds in kept["fixed"].items()}
+    loading = {str(part): (float(seconds), float(size)) for part, (seconds, size) in kept["loading"].items()}
+    least = [*fixed.values(), *(figure for pair in loading.values() for figure in pair)]
+    sound = all(math.isfinite(v) and v > 0 for v in plain.values()) and all(math.isfinite(v) and v >= 0 for v in least)
+    if not sound or set(kept) != {*plain, "fixed", "loading"}:
         raise ValueError("speeds have to be positive")
-    return Speeds(**plain, fixed=fixed)
+    return Speeds(**plain, fixed=fixed, loading=loading)
 
 
 def _write(made: Calibration, path: Path) -> None:

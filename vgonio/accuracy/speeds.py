@@ -20,7 +20,8 @@ class Speeds:
     term, plain_term : of a direct sum, by OpenCL and by numpy;  shadow : point found lit or not
     kernel : factor on a full-wave solver's matrix;  flop : of a dense factorisation
     profile_pair, patch_pair, far_term : of the iterated solver: points of a profile, points of a patch, its far field
-    fixed : part of a run → (seconds, bytes) that it takes however little there is to do, libraries loaded included
+    fixed : part of a run → seconds that it takes however little there is to do, each time
+    loading : part of a run → (seconds, bytes) of the libraries that it loads, once in a process
     """
 
     facet: float = 1.0e-6
@@ -46,4 +47,5 @@ class Speeds:
     profile_pair: float = 1e-7
     patch_pair: float = 2.5e-9
     far_term: float = 3e-8
-    fixed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    loading: Mapping[str, tuple[float, float]] = field(default_factory=dict)

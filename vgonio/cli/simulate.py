@@ -54,7 +54,8 @@ def simulate(
 ) -> None:
     """Simulate a scene and write its result and page.
 
-    Rays, waves, a measurement to compare with: what the scene asks for is done, and nothing else.
+    Rays, waves, a measurement to compare with: what the scene asks for is done, and nothing else. The folder of an
+    output may be missing and is made, but not several, and none at the root of the file system.
 
     With --max-seconds or --tol the cheapest numbers of rays, methods and tolerances that meet both are taken, or
     nothing is begun and one line says why; the theories asked for stay.
@@ -165,7 +166,7 @@ def plan(
     """
     from ..planning import plan as make_plan
 
-    made = make_plan(scene, overrides or (), max_seconds, tol)
+    made = make_plan(scene, overrides or (), max_seconds, tol, new_process=True)
     if as_json:
         print_json(made.to_dict())
         return

@@ -15,7 +15,7 @@ from dataclasses import replace
 from typing import Any
 
 from .. import assembly
-from ..accuracy.calibrating import calibration
+from ..accuracy.calibrating import Calibration, calibration
 from ..errors import ToleranceError
 from ..scene import Scene, load_scene
 from . import stages
@@ -45,43 +45,47 @@ def plan(
     overrides: Iterable[str] = (),
     max_seconds: float | None = None,
     tol: float | None = None,
+    new_process: bool = False,
 ) -> Plan:
     """The plan of a scene: what is done, left out and why, seconds, memory and error, warnings. Nothing is simulated,
     but that a first look at some rays is taken where nothing else tells their number or their error.
 
     max_seconds, tol : choose methods and efforts that meet them, see `planning.choice`; the scene's own are replaced
+    new_process : of a run in a process of its own, as of `vgonio simulate`, with the start of Python and all libraries;
+        otherwise of one in this process, without what it has loaded already
 
     Raises what `simulate` would raise: InputError, FileFormatError and MaterialError for bad input, ToleranceError
     where no methods meet `max_seconds` and `tol`.
     """
     checked = load_scene(scene, overrides)
     check_outputs(checked)
-    return plan_of(checked, assembly.gather(checked), max_seconds, tol, first_look=True)[1]
+    return plan_of(checked, assembly.gather(checked), max_seconds, tol, first_look=True, new_process=new_process)[1]
 
 
 def plan_of(
     scene: Scene, inputs: assembly.Inputs, max_seconds: float | None = None, tol: float | None = None,
-    first_look: bool = False,
+    first_look: bool = False, new_process: bool = False, on: Calibration | None = None,
 ) -> tuple[Scene, Plan]:  # fmt: skip
     """A checked scene whose inputs were read already, with what was chosen for time and tolerance, and its plan.
 
     first_look : at some rays, where only they tell what their error will be
+    new_process : as `plan`;  on : the machine, by default this one with the threads of this process
     """
     if scene.wave is not None and scene.wave.tol < LEAST_WAVE_TOL:
         least = f"double precision gives {LEAST_WAVE_TOL:g} at best: take wave.tol = {LEAST_WAVE_TOL:g} or more"
         raise ToleranceError(f"wave.tol = {scene.wave.tol:g} cannot be met: {least}")
-    on = calibration()
+    on = calibration() if on is None else on
     chosen = None
     if max_seconds is not None or tol is not None:
         from .choice import choose
 
-        chosen = choose(scene, inputs.surface, inputs.source, on, max_seconds, tol)
+        chosen = choose(scene, inputs.surface, inputs.source, on, max_seconds, tol, new_process)
         scene = chosen.scene
-    expected = forecasts(scene, inputs.source, inputs.surface, on, first_look=first_look)
+    expected = forecasts(scene, inputs.source, inputs.surface, on, first_look=first_look, new_process=new_process)
     if chosen is not None:
         expected = _with_left_out(scene, expected, *chosen.left_out)
     found = [
-        *stages.start_stages(),
+        *stages.start_stages(new_process),
         *stages.surface_stages(scene, inputs.source),
         *stages.ray_stages(scene, inputs.surface),
         *stages.wave_stages(scene, inputs.surface),

@@ -81,6 +81,7 @@ def choose(
     on: Calibration,
     max_seconds: float | None,
     tol: float | None,
+    new_process: bool = False,
 ) -> Choice:
     """The cheapest settings that meet `tol` (and `max_seconds`); without a tolerance the most accurate in the time.
 
@@ -97,7 +98,7 @@ def choose(
     if surface is None or (scene.geometric is None and scene.wave is None):
         raise InputError("max_seconds and tol are for scenes that simulate: this one has no [geometric] and no [wave]")
     groups = _groups(scene, surface, on, tol)
-    rest = _rest(scene, source, surface, on) + time.process_time() - begin
+    rest = _rest(scene, source, surface, on, new_process) + time.process_time() - begin
     if tol is None:
         assert max_seconds is not None
         found = _most_accurate(groups, max_seconds / MARGIN - rest)
@@ -219,10 +220,12 @@ def _with_fewer_windows(scene: Scene, surface: Heightfield, whole: Candidate) ->
             )
 
 
-def _rest(scene: Scene, source: Heightfield | None, surface: Heightfield, on: Calibration) -> float:
+def _rest(scene: Scene, source: Heightfield | None, surface: Heightfield, on: Calibration, new_process: bool) -> float:
     """Seconds of all that is not chosen: libraries, surface, comparison, page."""
     cheap = {"geometric.tol": None, "geometric.rays": 1, "wave.tol": 0.9}
-    found: dict[str, Forecast] = forecasts(_with(scene, cheap), source, surface, on, solvers=False)
+    found: dict[str, Forecast] = forecasts(
+        _with(scene, cheap), source, surface, on, solvers=False, new_process=new_process
+    )
     return sum(f.seconds for f in found.values())
 
 

@@ -13,6 +13,7 @@ class Forecast:
     """seconds : wall-clock, on a machine that does nothing else;  memory_bytes : beside what is there before
     error : the figure that the solver states as `error_achieved`, None where there is none
     rough : factors on the error between which it lies, where only a range is known
+    loading : of the seconds, those that libraries take which a process loads once
     how : what was done to know that, in words
     speckle : relative standard error of the waves in the brightest cones, from the windows; None for other parts
     """
@@ -23,3 +24,4 @@ class Forecast:
     speckle: float | None = None
     rough: tuple[float, float] | None = None
     how: str = ""
+    loading: float = 0.0

@@ -24,7 +24,8 @@ def check_output(path: Path, endings: tuple[str, ...], inputs: Iterable[Path] = 
     """Raise InputError unless `path` has one of the endings and its folder is, or can be made, writable.
 
     Where the system says so only when asked to write, as in /proc, a file without a name is written and gone at once.
-    Of the folders one may be missing, which is made when the result is written; more are taken for a slip.
+    Of the folders one may be missing, which is made when the result is written; more, and one at the root of the file
+    system, are taken for a slip.
     """
     if path.suffix.lower() not in endings:
         raise InputError(f"output {path.name!r}: the name has to end in {' or '.join(endings)}")
@@ -32,15 +33,29 @@ def check_output(path: Path, endings: tuple[str, ...], inputs: Iterable[Path] = 
         raise InputError(f"output {path} is a folder: name a file in it")
     if any(path.resolve() == other.resolve() for other in inputs):
         raise InputError(f"output {path} would overwrite an input of the scene")
-    parent = path.resolve().parent
-    folder = next(p for p in (parent, *parent.parents) if p.exists())
+    folder = _existing(path)
     if not folder.is_dir() or not os.access(folder, os.W_OK):
         raise InputError(f"output {path} cannot be written: {folder} is not a writable folder")
+    _require_few_missing(path)
+    _try_writing(path, folder)
+
+
+def _existing(path: Path) -> Path:
+    """The nearest folder above an output that is there."""
+    return next(p for p in path.resolve().parents if p.exists())
+
+
+def _require_few_missing(path: Path) -> None:
+    """Raise InputError where more is missing than the last folder of a path, or where that is one of the root."""
+    parent, folder = path.resolve().parent, _existing(path)
     if folder not in (parent, parent.parent):
         raise InputError(
             f"output {path}: {parent.parent} is not there; one new folder is made, not several: make it first"
         )
-    _try_writing(path, folder)
+    if folder != parent and folder == folder.parent:
+        raise InputError(
+            f"output {path}: {parent} is not there; no folder is made at the root of the file system: is the path right?"
+        )
 
 
 def _try_writing(path: Path, folder: Path) -> None:
@@ -62,7 +77,8 @@ def page_asked(scene: Scene, output: str | os.PathLike[str] | None, report: Any)
 
 
 def with_folder(path: Path) -> Path:
-    """The same path, its folder made where it was missing; InputError where it cannot be."""
+    """The same path, its folder made where only that was missing; InputError where it cannot be, as `check_output`."""
+    _require_few_missing(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as e:

@@ -12,9 +12,11 @@ from .. import assembly
 from ..accuracy.calibrating import Calibration
 from ..accuracy.speeds import Speeds
 from ..directions import Detector, Incoming
+from ..memory import resident
 from ..scene import Scene
 from ..surface import Heightfield
 from .forecast import LEAST_WAVE_TOL, MB, Forecast
+from .loading import costs
 from .sizes import FEWEST_FOR_SHIFT, detector_elements, result_groups
 
 if TYPE_CHECKING:
@@ -23,9 +25,9 @@ if TYPE_CHECKING:
 # in units of the time that a point of a surface takes for its first phase (`Speeds.phase`), measured beside it
 READ, LEVEL, SUMMARY, SAMPLE_BYTES = 0.4, 4.0, 4.0, 60.0
 # of the time that the part takes in the smallest scene
-UNFITTED = 0.85  # less, where nothing is fitted
-PAIR, FIGURE, MOST_FIGURES, RESULT = 0.15, 0.16, 13, 0.2
-FORMATS = (0.6, 20 * MB)  # loading SurfaceTopography, in units of the fixed time of saving, and its size
+PAIR, UNPAIRED = 0.9, 0.8  # more for every further pair of results, less where there is none
+FIGURE, MOST_FIGURES, RESULT = 0.16, 13, 0.2
+UNCOLOURED = 0.5  # less, of a page without colours and spectra
 CELL_BYTES = 100.0  # of a BRDF, its error and what else stands beside it, when it is saved
 KEPT, MOST_KEPT = 0.5, 80 * MB  # of a part's memory, that Python does not hand back
 SPACING_ERROR = {True: 0.01, False: 0.03}  # of points on profiles and patches: shadows' edges fall between them
@@ -33,12 +35,13 @@ SPACING_ERROR = {True: 0.01, False: 0.03}  # of points on profiles and patches: 
 
 def forecasts(
     scene: Scene, source: Heightfield | None, surface: Heightfield | None, on: Calibration, solvers: bool = True,
-    first_look: bool = False,
+    first_look: bool = False, new_process: bool = False,
 ) -> dict[str, Forecast]:  # fmt: skip
     """Part of the run → its forecast; `memory_bytes` is that of the whole process while the part runs.
 
     solvers : False leaves their own work out, but not their libraries
     first_look : at some rays, where only they tell what their error will be
+    new_process : of a run in a process of its own, otherwise of one in this process, which may have libraries already
     """
     speeds = on.speeds
     found = {"start": Forecast(0.0, 0.0)}
@@ -52,7 +55,7 @@ def forecasts(
         known = {k: f for k, f in _solvers(scene, surface, on, first_look) if f is not None}
     elif surface is not None:
         known = {name: Forecast(0.0, 0.0) for name in result_groups(scene) if name != "measured"}
-    return _with_fixed(found | known | _verdict(scene, speeds), speeds)
+    return _with_fixed(found | known | _verdict(scene, speeds), scene, surface, speeds, new_process)
 
 
 def _solvers(
@@ -65,16 +68,18 @@ def _solvers(
         yield name, wave_part(scene, surface, theory, on.speeds)
 
 
-def _with_fixed(found: dict[str, Forecast], speeds: Speeds) -> dict[str, Forecast]:
-    """The same with libraries and Python in seconds and memory: what is loaded stays."""
-    out, base = dict[str, Forecast](), 0.0
+def _with_fixed(
+    found: dict[str, Forecast], scene: Scene, surface: Heightfield | None, speeds: Speeds, new_process: bool
+) -> dict[str, Forecast]:
+    """The same with Python and libraries in seconds and memory: what is loaded stays, and is loaded once."""
+    once = costs(scene, surface, list(found), speeds, new_process)
+    out, base = dict[str, Forecast](), 0.0 if new_process else float(resident())
     for part, of in found.items():
-        kind = "waves" if part.startswith("waves") else part
-        seconds, size = speeds.fixed.get(kind, (0.0, 0.0))
-        if kind == "waves" and any(p.startswith("waves") for p in out):
-            seconds, size = 0.3 * seconds, 0.0
+        seconds, size = once[part]
         base += size
-        out[part] = replace(of, seconds=of.seconds + seconds, memory_bytes=base + of.memory_bytes)
+        each = speeds.fixed.get("waves" if part.startswith("waves") else part, 0.0)
+        memory = base + of.memory_bytes
+        out[part] = replace(of, seconds=of.seconds + each + seconds, memory_bytes=memory, loading=seconds)
         base += min(KEPT * of.memory_bytes, MOST_KEPT)
     return out
 
@@ -83,11 +88,6 @@ def _surface(scene: Scene, source: Heightfield, speeds: Speeds) -> Forecast:
     asked, n = scene.surface, source.z.size
     seconds, memory = READ * n * speeds.phase, SAMPLE_BYTES * n
     if asked is not None and asked.file is not None:
-        from .stages import is_own_format
-
-        if not is_own_format(asked.file):
-            seconds += FORMATS[0] * speeds.fixed.get("save", (0.5, 0.0))[0]
-            memory += FORMATS[1]
         if asked.filter is not None or assembly.levelling(scene, source) != "none":
             seconds += LEVEL * n * speeds.phase
     return Forecast(seconds, memory)
@@ -157,14 +157,15 @@ def _verdict(scene: Scene, speeds: Speeds) -> dict[str, Forecast]:
     cells = float(results * angles * wavelengths * detector_elements(scene))
     found = {}
     if results:
-        of = speeds.fixed.get("comparison", (1.0, 0.0))[0]
-        more = PAIR * of * max(results * (results - 1) / 2 - 1, 0) - UNFITTED * of * (wavelengths < FEWEST_FOR_SHIFT)
-        found["comparison"] = Forecast(more, CELL_BYTES * cells)
+        of = speeds.fixed.get("comparison", 0.1)
+        pairs = results * (results - 1) / 2
+        found["comparison"] = Forecast(of * (PAIR * (pairs - 1) if pairs else -UNPAIRED), CELL_BYTES * cells)
     if scene.output.file:
         found["save"] = Forecast(2e-7 * cells, CELL_BYTES * cells)
     if scene.output.report:
-        of = speeds.fixed.get("report", (1.0, 0.0))[0]
+        of = speeds.fixed.get("report", 1.0)
         plane = scene.detector is not None and scene.detector.theta_o_deg is not None
         figures = FIGURE * (min(angles, MOST_FIGURES) - 1) * plane + RESULT * (results - 2)
-        found["report"] = Forecast(max(of * figures, -0.4 * of), CELL_BYTES * cells + 3 * MB * angles)
+        figures -= UNCOLOURED * (wavelengths < FEWEST_FOR_SHIFT)
+        found["report"] = Forecast(max(of * figures, -0.6 * of), CELL_BYTES * cells + 3 * MB * angles)
     return found

@@ -17,7 +17,7 @@ class Stage:
     """One step: needed or left out, and why; the library it loads and what it does.
 
     part : of the run that it belongs to, the first stage of which has the forecast of all:
-    seconds : wall-clock;  memory_bytes : of the whole process meanwhile
+    seconds : wall-clock;  loading : of them those of libraries;  memory_bytes : of the whole process meanwhile
     error : that the solver will state: of rays the relative standard error, of waves the numerical one
     rough : factors on the error between which it lies where only a range is known, as of rays by chosen facets
     """
@@ -32,6 +32,7 @@ class Stage:
     memory_bytes: float | None = None
     error: float | None = None
     rough: tuple[float, float] | None = None
+    loading: float | None = None
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,13 @@ class Plan:
 
     @property
     def seconds(self) -> float:
-        """Of all stages, from starting Python to the page."""
+        """Of all stages, from starting Python, where that is still to be done, to the page."""
         return sum(s.seconds or 0.0 for s in self.stages)
+
+    @property
+    def loading(self) -> float:
+        """Seconds of them in which Python and libraries are loaded, which further runs in the process do not need."""
+        return sum(s.loading or 0.0 for s in self.stages)
 
     @property
     def memory_bytes(self) -> float:
@@ -106,6 +112,7 @@ class Plan:
             "stages": self.rows(),
             "warnings": list(self.warnings),
             "seconds": self.seconds,
+            "loading": self.loading,
             "memory_bytes": self.memory_bytes,
             "error": self.error,
             "machine": self.machine,
@@ -130,7 +137,8 @@ class Plan:
             for s in self.stages
         ]
         total = figures(self.seconds, self.memory_bytes, None)[:2]
-        return columns, [*rows, ("", "in all", *total, self.error_words, "", "")]
+        once = f"{duration(self.loading)} of it to load Python and libraries, once in a process" if self.loading else ""
+        return columns, [*rows, ("", "in all", *total, self.error_words, once, "")]
 
     def __str__(self) -> str:
         columns, rows = self.table()

@@ -11,11 +11,12 @@ from ..scene import Light, Scene
 from ..surface import Heightfield
 from ..validity import expectations, outside_of_the_table
 from .forecast import Forecast
-from .plans import Stage
+from .plans import Stage, duration
 from .sizes import FEWEST_FOR_SHIFT, detector_elements, refinement, result_groups
 
 # endings that vgonio reads by itself; everything else goes through SurfaceTopography
 OWN_FORMATS = (".npz", ".vgms", ".txt", ".asc", ".csv")
+WORTH_TELLING = 0.05  # seconds
 
 
 def with_forecasts(stages: list[Stage], found: Mapping[str, Forecast]) -> list[Stage]:
@@ -31,7 +32,8 @@ def with_forecasts(stages: list[Stage], found: Mapping[str, Forecast]) -> list[S
                 memory_bytes=f.memory_bytes,
                 error=f.error,
                 rough=f.rough,
-                why=s.why + _speckle(f) + (f"; {f.how}" if f.how else ""),
+                loading=f.loading,
+                why=s.why + _speckle(f) + (f"; {f.how}" if f.how else "") + _loading(s, f),
             )
         out.append(s)
     return out
@@ -41,12 +43,19 @@ def _speckle(f: Forecast) -> str:
     return "" if f.speckle is None else f"; speckle of about {f.speckle:.2g} of a cone's brdf stays"
 
 
+def _loading(s: Stage, f: Forecast) -> str:
+    told = f.loading >= WORTH_TELLING and s.name != "start"
+    return f"; {duration(f.loading)} of it to load libraries" if told else ""
+
+
 def is_own_format(file: str) -> bool:
     """Does vgonio read it by itself?"""
     return Path(file).suffix.lower() in OWN_FORMATS
 
 
-def start_stages() -> list[Stage]:
+def start_stages(new_process: bool) -> list[Stage]:
+    if not new_process:
+        return _left_out(("start",), "Python has started: of a run in this process, which has what it has loaded")
     return [Stage("start", True, "Python and what every run needs", "numpy, xarray", part="start")]
 
 
