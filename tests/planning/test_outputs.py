@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -36,3 +37,21 @@ def test_one_folder_may_be_missing_but_not_two(tmp_path):
     with pytest.raises(InputError, match="one new folder is made, not several"):
         check_output(tmp_path / "no" / "such" / "a.nc", (".nc",))
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["simulate", "sweep", "accuracy"])
+def test_no_folder_is_made_at_the_root_of_the_file_system(command, tmp_path, capsys):
+    """A slip such as /nonexistent/result.nc made that folder where the user may write everywhere."""
+    slip = Path(tmp_path.anchor) / "vgonio-no-such-folder"
+    assert not slip.exists()
+    scene, study = tmp_path / "scene.toml", tmp_path / "study.toml"
+    main(["init", str(scene)])
+    study.write_text('scene = "scene.toml"\n[vary]\n"light.theta_i_deg" = [[0], [10]]\n')
+    capsys.readouterr()
+    words = {"simulate": [str(scene), "-o", str(slip / "a.nc")], "sweep": [str(study), "-o", str(slip)]}
+    assert main([command, *words.get(command, ["-o", str(slip)])]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert not slip.exists()
+    if command != "accuracy" and os.access(tmp_path.anchor, os.W_OK):
+        assert "no folder is made at the root of the file system" in said

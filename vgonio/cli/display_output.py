@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError
 from ..files import PAGE_ENDINGS
 from .common import print_json, print_table, say
 
@@ -61,10 +60,9 @@ def colour_list(path: Path, rgb: Any, bits: int, quietly: bool = False) -> Path:
 
 
 def make_folder(path: Path) -> None:
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as e:
-        raise InputError(f"cannot make the folder {path}: {e.strerror or e}") from None
+    from ..planning import with_folder
+
+    with_folder(path / "profile.icc")
 
 
 def tell(found: list[Examined], report: Path | None, as_json: bool, inputs: list[Path] | None) -> None:

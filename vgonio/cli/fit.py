@@ -294,9 +294,10 @@ def _save(fits: Any, output: Path) -> None:
 def _draw(folder: Path, samples: Any, fits: Any, reflector: Any, p: Any, wavelength_n: float, scale: str) -> list[str]:
     """Draw the figures that the data allow, as PNG; returns a line on each, drawn or not."""
     from ..compare import fit_global_shift, fit_local_shift
+    from ..planning import with_folder
     from ..report import figures
 
-    folder.mkdir(parents=True, exist_ok=True)
+    with_folder(folder / "slopes.png")
     slopes: dict[str, Any] = {}
     drawn: list[str] = []
 

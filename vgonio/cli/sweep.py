@@ -67,6 +67,9 @@ def sweep(
     if dry_run:
         tree = gather(made, Store(folder.absolute()))
     else:
+        from ..planning import with_folder
+
+        with_folder(folder / "result.nc")
         with progress_bars() as progress:
             tell = None if progress is None else lambda ended, points: progress("points", ended / points)
             tree = run(made, folder, scheduler=scheduler, workers=workers, retry=retry, progress=tell)

@@ -54,7 +54,7 @@ def _require_few_missing(path: Path) -> None:
         )
     if folder != parent and folder == folder.parent:
         raise InputError(
-            f"output {path}: {parent} is not there; no folder is made at the root of the file system: is the path right?"
+            f"output {path}: {parent} is not there; no folder is made at the root of the file system, check the path"
         )
 
 
