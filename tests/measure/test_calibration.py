@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
+import xarray as xr
 
 from vgonio.directions import half_vectors, unit_vectors
-from vgonio.errors import FileFormatError, InputError
+from vgonio.errors import FileFormatError, InputError, VgonioWarning
 from vgonio.measure import formats
 from vgonio.measure.calibration import calibrate, calibration_factor
 from vgonio.measure.hardware import Spectrometer, Tilt, tilt_effect, tilted_angles
@@ -58,6 +61,25 @@ def test_a_shadowed_retro_direction_is_left_out():
     factor = calibration_factor(white.where(white.theta_o != 10), lambertian_standard(NM, [0.99] * 3))
     assert factor.attrs["angles"] == 16
     np.testing.assert_allclose(factor.factor, LAMP, rtol=1e-12)
+
+
+def test_swapped_counts_are_told():
+    """Counts of sample and standard the wrong way round: a glossy and a grey sample, each tells in its own way."""
+    angles = np.arange(-80, 81, 10)
+    white = counted(IDEAL, lambert(), [10], angles, 0, noisy=False)
+    grey = counted(IDEAL, lambert(0.5), [10], angles, 0, noisy=False)
+    # a lobe of 20° on a dark ground
+    lobe = 0.05 + 2 * np.exp(-(((angles + 10) / 20) ** 2))
+    glossy = white.assign(counts=white.counts * xr.DataArray(lobe, dims="theta_o"))
+    known = lambertian_standard(NM, [0.99] * 3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for sample in (grey, glossy):
+            calibrate(sample, calibration_factor(white, known))
+    with pytest.warns(VgonioWarning, match=r"brighter than an ideal white.*1\.96.*changed places"):
+        calibrate(white, calibration_factor(grey, known))
+    with pytest.warns(VgonioWarning, match="vary by .* with θ_o.*changed places"):
+        calibrate(white, calibration_factor(glossy, known))
 
 
 def test_one_wavelength_or_all():

@@ -10,13 +10,15 @@ random from pair to pair; the tilt of sample and detector, which measures anothe
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..dataset import label
 from ..directions import unit_vectors
-from ..errors import InputError
+from ..errors import InputError, VgonioWarning
 from ..units import meant_nm, radians
 from .hardware import REPEATABILITY_DEG, Tilt, tilt_effect
 from .isotropic import isotropic
@@ -27,6 +29,8 @@ THETA_I_DEG = 10.0
 THETA_O_DEG = tuple(range(-80, 81, 10))
 STANDARD_NM = 533.0
 SOURCES = ("noise", "standard", "angle", "tilt")
+WHITER = 1.1  # median of π f: in plane and with errors a white standard itself comes to a little above 1
+UNEVEN = 0.2  # of the factor over θ_o, relative standard deviation: white standards stay within a few per cent
 
 
 def calibration_factor(
@@ -186,7 +190,8 @@ def calibrate(
     Returns brdf, brdf_stderr, all in sr⁻¹, and brdf_stderr_by_source (source, …): "noise" (counts and the mean of the
     factor), "standard", "angle" (derivatives of f cos θ_i along both angles times the repeatability), "tilt" (the
     difference between the tilted and the in-plane pair of directions, azimuths filled by half angles; a bound).
-    Raises InputError where wavelengths differ from those of the factor, or no count is positive.
+    Raises InputError where wavelengths differ from those of the factor, or no count is positive. Warns (VgonioWarning)
+    where the standard looks like a sample or the sample like a standard: their counts may have changed places.
     """
     counts = _counts(counts)
     if not np.any(counts["counts"].values > 0):
@@ -221,9 +226,30 @@ def calibrate(
         np.stack(parts),
         {"units": "sr-1", "long_name": "parts of brdf_stderr by what is uncertain, added in squares"},
     )
+    _warn_of_swapped(data, factor)
     data = data.assign_coords(source=list(SOURCES))
     data["source"].attrs = {"units": "1", "long_name": "what is uncertain"}
     return label(data)
+
+
+def _warn_of_swapped(data: xr.Dataset, factor: xr.Dataset) -> None:
+    """Warn where the sample outshines an ideal white in most directions, or the standard is no diffuser."""
+    near = int(np.abs(data["theta_i"].values).argmin())
+    white = float(np.nanmedian(np.pi * data["brdf"].isel(theta_i=near).mean("wavelength")))
+    by_angle = factor["factor_by_angle"].mean("wavelength").values if "factor_by_angle" in factor else np.ones(1)
+    uneven = float(by_angle.std() / abs(by_angle.mean()))
+    found = []
+    if white > WHITER:
+        found.append(
+            f"the sample is brighter than an ideal white in most directions (median of π f at θ_i = "
+            f"{data['theta_i'].values[near]:g}°: {white:.2f})"
+        )
+    if uneven > UNEVEN:
+        found.append(f"counts on the standard over its BRDF vary by {uneven:.0%} with θ_o, of a diffuser they do not")
+    if found:
+        warnings.warn(
+            f"{' and '.join(found)}: have the counts of sample and standard changed places?", VgonioWarning, 3
+        )
 
 
 def _of_angles(g: Floats, data: xr.Dataset, repeatability_deg: float) -> Floats:
