@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, nearest
-from .checks import pitch_pair
+from .checks import heights, pitch_pair
 from .filter import fill, level
 from .interpolant import KINDS, Interpolant
 
@@ -21,12 +21,13 @@ Floats = NDArray[np.float64]
 class Heightfield:
     """Heights z[iy, ix] in µm at cell centres x = (ix + ½)·dx, y = (iy + ½)·dy; z up; NaN marks missing points.
 
-    z : (ny, nx) float64;  pitch_um : number or (dy, dx)
+    z : (ny, nx) float64, from anything that is such an array (`checks.heights`);  pitch_um : number or (dy, dx)
     periodic : the field continues by itself, domain nx·dx × ny·dy
     interpolation : "cubic" (spline), "linear" or "nearest" (vertical walls)
     name : for people;  history : what was done to it, oldest first;  meta : further facts of the source
 
-    Raises InputError for a shape that is not two-dimensional, a bad pitch, infinite heights or nothing but NaN.
+    Raises InputError for a shape that is not two-dimensional, a bad pitch, infinite heights or nothing but NaN; warns
+    of heights that single precision has rounded to coarse steps.
     """
 
     z: Floats
@@ -38,16 +39,7 @@ class Heightfield:
     meta: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        try:
-            z = np.array(self.z, dtype=np.float64, order="C")
-        except (TypeError, ValueError):
-            raise InputError("heights have to be a two-dimensional array of numbers in µm") from None
-        if z.ndim != 2 or z.size < 2:
-            raise InputError(f"heights have shape {z.shape}: (rows, columns) with at least two samples is needed")
-        if np.isinf(z).any():
-            raise InputError(f"{int(np.isinf(z).sum())} heights are infinite: mark missing points with NaN")
-        if np.isnan(z).all():
-            raise InputError(f"all {z.size} heights are missing (NaN): there is no surface")
+        z = heights(self.z)
         if self.interpolation not in KINDS:
             raise InputError(f"interpolation {self.interpolation!r}: {nearest(str(self.interpolation), KINDS)}")
         z.flags.writeable = False
@@ -121,8 +113,9 @@ class Heightfield:
         if not self.periodic:
             return None
         spectrum = np.abs(np.fft.rfft(self.z - self.z.mean(), axis=1)).max(axis=0)
-        strong = np.flatnonzero(spectrum > 1e-9 * max(spectrum.max(), np.finfo(float).tiny))
-        return self.size_um[1] / int(np.gcd.reduce(strong)) if strong.size and spectrum.max() > 0 else None
+        rounding = self.shape[1] * float(np.spacing(np.abs(self.z).max()))
+        strong = 1 + np.flatnonzero(spectrum[1:] > max(1e-9 * spectrum.max(), rounding))  # without the means of rows
+        return self.size_um[1] / int(np.gcd.reduce(strong)) if strong.size else None
 
     # ---- making others
     def with_history(self, z: Floats, step: str, **changes: Any) -> Heightfield:

@@ -14,6 +14,7 @@ from .heightfield import Heightfield
 Floats = NDArray[np.float64]
 KEPT_FACETS = 4_000_000  # beyond, planes are worked out for the facets that are hit only
 AZIMUTHS = 16
+LEAST_WALL = 1e-100  # µm: lower ones have areas that double precision does not hold, and stop no ray
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +181,7 @@ def _plateaus(surface: Heightfield) -> Mesh:
     quads.append(_quads([(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)]))
     for axis in (0, 1):
         low, high = (z[:, :-1], z[:, 1:]) if axis == 1 else (z[:-1], z[1:])
-        j, i = np.nonzero(low != high)
+        j, i = np.nonzero(np.abs(high - low) > LEAST_WALL)
         a, b = low[j, i], high[j, i]
         # the corner order that makes the normal point to the lower side
         if axis == 1:

@@ -22,6 +22,13 @@ class Autocorrelation:
     values: Floats
 
 
+def about_mean(z: Floats) -> Floats:
+    """Heights about their mean; exactly 0 where all are equal, however large an offset they have in common."""
+    first = z.ravel()[np.flatnonzero(np.isfinite(z).ravel())[0]]
+    d = z - first
+    return d - np.nanmean(d)
+
+
 def autocorrelation(surface: Heightfield) -> Autocorrelation:
     """Autocorrelation ⟨z(r) z(r + d)⟩/Sq² of the heights about their mean, for lags up to half the sides.
 
@@ -32,7 +39,7 @@ def autocorrelation(surface: Heightfield) -> Autocorrelation:
     from scipy import fft
 
     valid = np.isfinite(surface.z)
-    z = np.where(valid, surface.z - surface.z[valid].mean(), 0.0)
+    z = np.where(valid, about_mean(surface.z), 0.0)
     variance = (z**2).sum() / valid.sum()
     if variance == 0:
         raise InputError(f"{surface.name or 'the surface'} is flat: it has no autocorrelation")
@@ -95,14 +102,14 @@ def psd(surface: Heightfield, window: str = "auto") -> PowerSpectrum:
     surface.require_complete()
     if window not in ("auto", "none", "hann"):
         raise InputError(f"window = {window!r}: {nearest(str(window), ('auto', 'none', 'hann'))}")
-    z = surface.z - surface.z.mean()
+    z = about_mean(surface.z)
     fy, fx = (np.fft.fftshift(np.fft.fftfreq(n, h)) for n, h in zip(z.shape, surface.pitch_um))
     scale = 1.0 / (z.size**2 * _step(fy) * _step(fx))
     if window == "hann" or (window == "auto" and not surface.periodic):
         variance = np.mean(z**2)
         wy, wx = (np.ones(1) if n == 1 else np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2 for n in z.shape)
         z = z * np.outer(wy, wx)
-        scale *= variance / np.mean(z**2) if variance > 0 else 1.0
+        scale *= float(variance / np.mean(z**2)) if variance > 0 else 1.0
     return PowerSpectrum(fy, fx, np.abs(np.fft.fftshift(np.fft.fft2(z))) ** 2 * scale)
 
 

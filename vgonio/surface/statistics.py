@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import InputError
 from . import checks
 from .heightfield import Heightfield
-from .spectrum import autocorrelation
+from .spectrum import about_mean, autocorrelation
 
 Floats = NDArray[np.float64]
 
@@ -42,12 +43,13 @@ def parameters(surface: Heightfield) -> dict[str, float]:
     Sal : autocorrelation length in µm, where the autocorrelation has first fallen to 0.2 in the direction of fastest
         decay; NaN where it does not within half the field
 
-    Missing points are left out; slopes are central differences of valid neighbours then (ISO 25178-2:2021).
+    Missing points are left out; slopes are central differences of valid neighbours then (ISO 25178-2:2021), and NaN
+    where no point has two.
     """
-    z = surface.z - np.nanmean(surface.z)
+    z = about_mean(surface.z)
     sq = float(np.sqrt(np.nanmean(z**2)))
-    zx, zy = slopes(surface)
-    variance = float(np.nanvar(zx)), float(np.nanvar(zy))
+    zx, zy = (s[np.isfinite(s)] for s in slopes(surface))
+    variance = _variance(zx), _variance(zy)
     # the moments of a flat surface are those of nothing
     unit = z / sq if sq > 0 else np.full_like(z, np.nan)
     return {
@@ -56,7 +58,7 @@ def parameters(surface: Heightfield) -> dict[str, float]:
         "Sz": float(np.nanmax(z) - np.nanmin(z)),
         "Ssk": float(np.mean(unit[np.isfinite(unit)] ** 3)) if sq > 0 else np.nan,
         "Sku": float(np.mean(unit[np.isfinite(unit)] ** 4)) if sq > 0 else np.nan,
-        "Sdq": float(np.sqrt(np.nanmean(zx**2) + np.nanmean(zy**2))),
+        "Sdq": float(np.sqrt(np.mean(zx**2) + np.mean(zy**2))) if zx.size and zy.size else np.nan,
         "Sal": autocorrelation_length(surface) if sq > 0 else np.nan,
         "alpha": float(np.sqrt(sum(variance))),
         "alpha_x": float(np.sqrt(2 * variance[0])),
@@ -66,7 +68,11 @@ def parameters(surface: Heightfield) -> dict[str, float]:
 
 def beckmann_alpha(surface: Heightfield) -> float:
     """α = √(var ∂z/∂x + var ∂z/∂y), √2 times the RMS slope along one axis; as in `parameters`."""
-    return float(np.sqrt(sum(np.nanvar(s) for s in slopes(surface))))
+    return float(np.sqrt(sum(_variance(s[np.isfinite(s)]) for s in slopes(surface))))
+
+
+def _variance(values: Floats) -> float:
+    return float(values.var()) if values.size else float("nan")
 
 
 def slopes(surface: Heightfield) -> tuple[Floats, Floats]:
@@ -130,14 +136,26 @@ class SlopeDistribution:
 
     @property
     def gaussian(self) -> Floats:
-        """exp(−s²/α²)/(√π α): one-axis slopes of a Gaussian surface, Beckmann's distribution."""
+        """exp(−s²/α²)/(√π α): one-axis slopes of a Gaussian surface, Beckmann's distribution. For α = 0, which has no
+        density, all in the middle bin."""
+        if self.alpha == 0:
+            return np.where(np.arange(len(self.slope)) == len(self.slope) // 2, 1 / np.diff(self.slope)[0], 0.0)
         return np.exp(-((self.slope / self.alpha) ** 2)) / (np.sqrt(np.pi) * self.alpha)
 
 
 def slope_distribution(surface: Heightfield, bins: int = 201) -> SlopeDistribution:
-    """Histogram of the slopes along x and y over ± the largest of both, mean slopes removed."""
+    """Histogram of the slopes along x and y over ± the largest of both, mean slopes removed.
+
+    Raises InputError where too many points are missing for a slope along each axis.
+    """
     count = int(checks.number("bins", bins, 3))
-    zx, zy = (s[np.isfinite(s)] - np.nanmean(s) for s in slopes(surface))
+    zx, zy = (s[np.isfinite(s)] for s in slopes(surface))
+    if not (zx.size and zy.size):
+        raise InputError(
+            f"{surface.name or 'the surface'} has no slopes: no point has two neighbours along x, or none along y, "
+            "that are not missing; fill them"
+        )
+    zx, zy = zx - zx.mean(), zy - zy.mean()
     largest = max(np.abs(zx).max(), np.abs(zy).max(), np.finfo(float).eps)
     edges = np.linspace(-largest, largest, count + 1)
     x, y = (np.histogram(s, edges, density=True)[0] for s in (zx, zy))

@@ -24,8 +24,8 @@ def leaning(surface: Heightfield) -> dict[str, float]:
     """
     found = {}
     for name, (odd, even) in zip(DIRECTIONS, _moments(surface)):
-        total = even.mean()
-        if len(odd) < 2 or not total > 0:
+        total = even.mean() if len(odd) > 1 else 0.0
+        if not total > 0:
             continue
         share = odd.mean() / total
         # the pieces' own odd parts against the common mean square
@@ -55,9 +55,9 @@ def _moments(surface: Heightfield) -> list[tuple[Floats, Floats]]:
             least = max(len(piece) - 1, 1)
             zx = np.diff(piece, axis=1)[:least] / surface.dx
             zy = np.diff(piece, axis=0)[:, :-1] / surface.dy if len(piece) > 1 else np.zeros_like(zx)
-            squares = np.nanmean(zx**2), np.nanmean(zy**2)
-            odd = np.nanmean(zx * np.abs(zx)), np.nanmean(zy * np.abs(zy)), np.nanmean(zx * zy)
-            parts.append([*odd, *squares])
+            products = zx * np.abs(zx), zy * np.abs(zy), zx * zy, zx**2, zy**2
+            if all(np.isfinite(p).any() for p in products):  # else too much of the piece is missing
+                parts.append([np.nanmean(p) for p in products])
     found = np.array(parts, float).reshape(-1, 5)
     both = np.sqrt(np.maximum(found[:, 3].mean() * found[:, 4].mean(), 0.0)) if len(found) else 0.0
     return [(found[:, 0], found[:, 3]), (found[:, 1], found[:, 4]), (found[:, 2], np.full(len(found), both))]

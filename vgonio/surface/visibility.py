@@ -37,17 +37,18 @@ def visible(surface: Heightfield, direction: ArrayLike, refine: int = 1) -> Bool
     surface.require_complete()
     ip, n = surface.interpolant, int(refine)
     x, y = _centres(ip.x_axis, n), _centres(ip.y_axis, n)
+    dx, dy = surface.dx / n, surface.dy / n
     rows = surface.z[:1] if surface.is_profile else None
     if np.hypot(d[0], d[1]) < 1e-12 * d[2] or np.ptp(surface.z) == 0:
         return np.ones((1 if rows is not None else len(y), len(x)), bool)
     if rows is not None:
         if abs(d[0]) < 1e-12 * d[2]:
             return np.ones((1, len(x)), bool)
-        return _along_axis(ip.grid(surface.y[:1], x), x[1] - x[0], d[0], d[2], surface.periodic)
+        return _along_axis(ip.grid(surface.y[:1], x), dx, d[0], d[2], surface.periodic)
     if abs(d[1]) < 1e-12 * abs(d[0]):
-        return _along_axis(ip.grid(y, x), x[1] - x[0], d[0], d[2], surface.periodic)
+        return _along_axis(ip.grid(y, x), dx, d[0], d[2], surface.periodic)
     if abs(d[0]) < 1e-12 * abs(d[1]):
-        return _along_axis(ip.grid(y, x).T, y[1] - y[0], d[1], d[2], surface.periodic).T
+        return _along_axis(ip.grid(y, x).T, dy, d[1], d[2], surface.periodic).T
     if abs(d[0]) >= abs(d[1]):
         return _oblique(ip.grid(y, x), ip.y_axis, y, x, (d[0], d[1], d[2]), surface.periodic)
     return _oblique(ip.grid(y, x).T, ip.x_axis, x, y, (d[1], d[0], d[2]), surface.periodic).T
@@ -101,8 +102,9 @@ def _oblique(
     dx, dy, up = direction
     if dx < 0:
         return _oblique(z[:, ::-1], across, y, x, (-dx, dy, up), periodic)[:, ::-1]
-    step, length = x[1] - x[0], len(x) * (x[1] - x[0])
-    fine = Axis(len(y), y[1] - y[0], periodic, across.kind)
+    step = 2 * x[0]  # the first centre is half a step from the side: right for a single column as well
+    length = len(x) * step
+    fine = Axis(len(y), 2 * y[0], periodic, across.kind)
     columns = fine.coefficients(np.ascontiguousarray(z))
     slope, fall = dy / dx, up / dx
     margin = 0 if periodic else int(np.ceil(length * abs(slope) / fine.h))
@@ -121,7 +123,7 @@ def _oblique(
 
     beyond = np.full(len(lines), LOWEST)
     if periodic:
-        ahead = min(int(np.ceil(np.ptp(z) / (fall * length))), MOST_PERIODS)
+        ahead = int(min(np.ceil(np.ptp(z) / (fall * length)), MOST_PERIODS))
         for turn in range(ahead, 0, -1):
             beyond = np.maximum(beyond, sheared(turn).max(axis=1))
     seen = _not_below(sheared(0), beyond)[0]
