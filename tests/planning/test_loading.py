@@ -99,10 +99,15 @@ print(json.dumps({"loading": [p.loading for p in (before, alone, after, alone_af
 """
 
 
-@pytest.mark.parametrize(
-    "changes", [{}, {"geometric": None, "wave": {"theory": "full-wave"}, "light": {
-        "wavelength_nm": [500], "theta_i_deg": [0], "coherence_um": 1}, "output": {"file": "a.nc"}}], ids=["rays and waves", "rigorous"]
-)  # fmt: skip
+RIGOROUS = {
+    "geometric": None,
+    "wave": {"theory": "full-wave"},
+    "light": {"wavelength_nm": [500], "theta_i_deg": [0], "coherence_um": 1},
+    "output": {"file": "a.nc"},
+}
+
+
+@pytest.mark.parametrize("changes", [{}, RIGOROUS], ids=["rays and waves", "rigorous"])
 def test_the_libraries_of_a_plan_are_those_that_a_run_loads(tmp_path, changes):
     """In a process of its own: what was said to be needed is there afterwards, and is not counted again."""
     given = scene(**changes)

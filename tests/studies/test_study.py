@@ -10,7 +10,7 @@ from vgonio.errors import FileFormatError, InputError
 from vgonio.studies.gathering import swept_dims
 from vgonio.studies.store import Store
 from vgonio.studies.study import content_key, load_study
-from vgonio.studies.sweeping import _todo
+from vgonio.studies.sweeping import todo
 
 SCENE = {
     "surface": {
@@ -176,7 +176,7 @@ def test_what_the_machine_failed_is_tried_again_and_refused_input_is_not(tmp_pat
 
     def left(retry: bool) -> tuple[list[str], int]:
         ended: list[int] = []
-        return [key for key, _, _ in _todo(made, store, retry, lambda: ended.append(1))], len(ended)
+        return [key for key, _, _ in todo(made, store, retry, lambda: ended.append(1))], len(ended)
 
     assert left(retry=False) == (keys[2:], 2)
     assert left(retry=True) == (keys[1:], 1)

@@ -33,7 +33,7 @@ def sweep(
         bool, typer.Option("--retry", help="Also points whose input was refused before.", show_default=False)
     ] = False,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Count what is done and what is left; compute nothing.")
+        bool, typer.Option("--dry-run", help="Count what is done, and plan what is left; compute nothing.")
     ] = False,
     schema: Annotated[
         bool,
@@ -50,7 +50,7 @@ def sweep(
     """Simulate a scene for many values of its keys.
 
     A study names a scene and what varies. Finished points are stored at once and never computed again: after an
-    interruption the same command goes on.
+    interruption the same command goes on. How long it will take, and with how much memory, --dry-run says before.
 
     Example: vgonio sweep study.toml --workers 4
     """
@@ -59,13 +59,15 @@ def sweep(
         return
     if study is None:
         raise InputError("nothing to sweep: give STUDY, a TOML file that names a scene and what varies")
-    from ..studies import Store, gather, load_study
+    from ..studies import Store, gather, load_study, plan_study
     from ..studies import sweep as run
 
     made = load_study(study, overrides or ())
     folder = output if output is not None else study.with_suffix(".sweep")
+    planned = None
     if dry_run:
-        tree = gather(made, Store(folder.absolute()))
+        store = Store(folder.absolute())
+        tree, planned = gather(made, store), plan_study(made, store, workers, retry)
     else:
         from ..planning import with_folder
 
@@ -74,11 +76,14 @@ def sweep(
             tell = None if progress is None else lambda ended, points: progress("points", ended / points)
             tree = run(made, folder, scheduler=scheduler, workers=workers, retry=retry, progress=tell)
         written = _written(tree, folder)
-    summary = _summary(tree)
+    summary = _summary(tree) | ({"plan": planned.to_dict()} if planned else {})
     if as_json:
         print_json(summary)
     elif not quiet:
         print_table(made.title, list(summary["counts"]), [list(summary["counts"].values())])
+        if planned:
+            print_table("What is left will take", *planned.table())
+            print(f"times: {planned.machine}")
         for what in [] if dry_run else written:
             say(f"{what[0]}: {what[1]}")
     if not dry_run and summary["counts"]["failed"] == summary["counts"]["points"]:

@@ -157,7 +157,7 @@ def figures(
     """Two digits of each, with its unit; empty where there is none; a range for a rough error."""
     return (
         duration(seconds),
-        "" if memory_bytes is None else _size(memory_bytes),
+        "" if memory_bytes is None else size_in_words(memory_bytes),
         "" if error is None else between(rough[0] * error, rough[1] * error) if rough and error else percent(error),
     )
 
@@ -192,7 +192,7 @@ def rounded_up(value: float) -> float:
     return float(f"{math.ceil(value / digit * (1 - 1e-12)) * digit:.2g}")
 
 
-def _size(count: float) -> str:
+def size_in_words(count: float) -> str:
     return f"{count / 1e6:.0f} MB" if count < 0.9995e9 else f"{count / 1e9:.1f} GB"
 
 

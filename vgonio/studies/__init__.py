@@ -4,9 +4,10 @@
 >>> tree = sweep("study.toml")
 """
 
+from .forecast import StudyPlan, plan_study
 from .gathering import gather
 from .store import Store
 from .study import Study, load_study
 from .sweeping import sweep
 
-__all__ = ["Store", "Study", "gather", "load_study", "sweep"]
+__all__ = ["Store", "Study", "StudyPlan", "gather", "load_study", "plan_study", "sweep"]

@@ -64,12 +64,12 @@ def sweep(
         ended += 1
         tell(ended, len(made))
 
-    todo = _todo(made, store, retry, one_more)
-    first = next(todo, None)
+    left = todo(made, store, retry, one_more)
+    first = next(left, None)
     if first is not None:
         try:
             with _client(scheduler, workers, len(made)) as client:
-                _compute_all(client, store, first, todo, one_more)
+                _compute_all(client, store, first, left, one_more)
         except KeyboardInterrupt as interrupt:
             interrupt.add_note(f"finished points are kept in {store.folder}; the same command goes on from there")
             raise
@@ -85,7 +85,7 @@ def default_folder(study: Any) -> Path:
 Point = tuple[str, "Scene", dict[str, Any]]
 
 
-def _todo(study: Study, store: Store, retry: bool, ended: Callable[[], None]) -> Iterator[Point]:
+def todo(study: Study, store: Store, retry: bool, ended: Callable[[], None]) -> Iterator[Point]:
     """Points that have to be computed; the others, and those whose scene is refused, have ended already."""
     for values in study.values():
         key, scene = "", None
@@ -102,6 +102,11 @@ def _todo(study: Study, store: Store, retry: bool, ended: Callable[[], None]) ->
             yield key, scene, values
 
 
+def workers_for(asked: int | None, points: int) -> int:
+    """Processes on this machine: as many as asked for, or as it has processors, and no more than points."""
+    return min(points, whole("workers", asked if asked is not None else os.cpu_count() or 1, 1))
+
+
 @contextmanager
 def _client(scheduler: str | None, workers: int | None, points: int) -> Iterator[Any]:
     """A client of the scheduler at an address, or of a cluster of our own that ends with the block."""
@@ -110,7 +115,7 @@ def _client(scheduler: str | None, workers: int | None, points: int) -> Iterator
         import distributed
     except ModuleNotFoundError:
         raise BackendError("a sweep needs Dask: pip install 'vgonio[sweep]'") from None
-    count = min(points, whole("workers", workers if workers is not None else os.cpu_count() or 1, 1))
+    count = workers_for(workers, points)
     with dask.config.set(SETTINGS if scheduler is not None else {**SETTINGS, **OF_OUR_OWN}), ExitStack() as begun:
         if scheduler is not None:
             client = begun.enter_context(_answering(scheduler))
