@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 
 import vgonio as vg
 from vgonio import report
+from vgonio.compare.bright import colour_difference
 from vgonio.compare.colour import delta_e_2000
 from vgonio.errors import InputError
 from vgonio.measure.surface_summary import surface_dataset
-from vgonio.report.colour_sections import colour_differences
 from vgonio.report.content import Content
 from vgonio.report.sections import compose
 from vgonio.report.style import NOTEBOOK_DPI
@@ -87,7 +87,7 @@ def test_the_colour_of_noise_does_not_count(wave_result, measured_result):
     dimmed = wave_result.assign(brdf=wave_result.brdf.where(~dark, noise))
     tree = xr.DataTree.from_dict({"waves": dimmed, "measured": measured_result})
     text = tree.vgonio.plot_delta_e().axes[0].get_xlabel()
-    verdict = colour_differences(Content.of(tree))["waves and measured"]["normalised"]
+    verdict = colour_difference(measured_result, dimmed, "normalised")
     assert f"mean {float(verdict.mean()):.3g}," in text
     everywhere = delta_e_2000(measured_result, dimmed, "normalised")
     assert float(everywhere.mean()) > 2 * float(verdict.mean())

@@ -7,12 +7,13 @@ import pytest
 import xarray as xr
 
 import vgonio as vg
+from vgonio.compare.alike import unlike
+from vgonio.compare.significance import in_sigmas
 from vgonio.dataset import brdf_dataset
 from vgonio.directions import Detector
 from vgonio.measure.surface_summary import surface_dataset
-from vgonio.report.agreement import unlike
 from vgonio.report.shifts import MeanShift, in_words, signed
-from vgonio.report.tables import percent, significance
+from vgonio.report.tables import percent
 from vgonio.report.trusted import Ground, recommendation
 from vgonio.report.wave_reflections import reflections_in_words, shares
 from vgonio.wave import trust
@@ -159,7 +160,7 @@ def test_figures_below_rounding_are_not_printed():
     assert percent(-1.6e-14) == "0 % (to rounding)"
     assert percent(0.0) == "0 %"
     assert percent(2e-8) == "2.0·10⁻⁶ %"
-    assert [significance(s) for s in (2.04, 30.2, 1546.1)] == ["2.0 σ", "30 σ", "> 100 σ"]
+    assert [in_sigmas(s) for s in (2.04, 30.2, 1546.1)] == ["2.0 σ", "30 σ", "> 100 σ"]
     assert in_words(MeanShift(-9.9e-14, 1e-15, 9)) == "0 % per 100 nm (to rounding)"
     assert in_words(MeanShift(1e-3, 1e-9, 9)).endswith("(towards red, > 100 σ)")
     assert signed(-9.9e-14) == "0"

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ..errors import InputError, VgonioError, nearest
+from ..errors import InputError, nearest
 from ..files import PAGE_ENDINGS, RESULT_ENDINGS
 from .common import Json, Quiet, Threads, busy, print_json, print_table, save_figure, say
 
@@ -47,147 +47,40 @@ def compare(
     if len(data) < 2:
         raise InputError(f"nothing to compare: {', '.join(map(str, files))} holds one BRDF, at least two are needed")
     from ..compare import compare as run
-    from ..compare import summary
+    from ..compare.summary import summary_tables
 
     reflector = known_material(material)
     with busy("comparing"):
         comparison = run(data, reference=reference, material=reflector)
-        rows = _with_errors(_with_colour_alone(summary(comparison), data), data)
-    with busy("appearance"):
-        looks = [row for name, found in data.items() for row in _appearance(name, found)]
-    with busy("shares of the shift"):
-        shares = _explained(data, str(comparison.attrs["reference"]), reflector, figures)
-    apart = _unlike(data, str(comparison.attrs["reference"]))
+    if figures is not None and "explained_share" in comparison:
+        _draw_explained(comparison, figures)
+    tables = summary_tables(comparison)
     if as_json:
-        print_json([_reference_row(comparison), *rows, *looks, *shares, *apart])
+        print_json([row for rows in tables.values() for row in rows])
         return
-    print_table(_title(comparison), list(rows[0]), [list(r.values()) for r in rows])
-    covered = [r for r in looks if r["value"] is not None]
-    if covered:
-        print_table("Appearance", list(covered[0]), [list(r.values()) for r in covered])
-    if shares:
-        title = f"Explained share of the shift of {comparison.attrs['reference']}"
-        print_table(title, list(shares[0]), [list(r.values()) for r in shares])
-    for row in apart:
+    ((name, why),) = ((row["of"], row["unit"]) for row in tables["reference"])
+    print_rows(f"Reference: {name} ({why}; --reference NAME). Of A and B, B is held to be right.", tables["figures"])
+    print_rows("Appearance", [row for row in tables["looks"] if row["value"] is not None])
+    print_rows(f"Explained share of the shift of {name}", tables["shares"])
+    for row in tables["unlike"]:
         print(f"{row['of']}: {row['unit']}")
     if figures is not None and (figures / "explained.png").is_file():
         say(f"figure: {figures / 'explained.png'}")
 
 
-def _reference_row(comparison: Any) -> dict[str, Any]:
-    name, why = (str(comparison.attrs[k]) for k in ("reference", "reference_chosen"))
-    return {"of": name, "quantity": "reference", "value": None, "error": None, "unit": why}
+def print_rows(title: str, rows: list[dict[str, Any]]) -> None:
+    """Rows with the same keys as a table; nothing where there are none."""
+    if rows:
+        print_table(title, list(rows[0]), [list(row.values()) for row in rows])
 
 
-def _title(comparison: Any) -> str:
-    row = _reference_row(comparison)
-    return f"Reference: {row['of']} ({row['unit']}; --reference NAME). Of A and B, B is held to be right."
+def _draw_explained(comparison: Any, folder: Path) -> None:
+    from ..report.figures import explained
 
-
-def _with_colour_alone(rows: list[dict[str, Any]], data: dict[str, Any]) -> list[dict[str, Any]]:
-    """Below each pair's colour difference with brightness that of the colour alone, as the page's verdict has it."""
-    from ..compare.colour import SCALE_WORDS
-    from ..report.quantities import colour_difference
-
-    pairs = {f"{a} and {b}": (data[b], data[a]) for a in data for b in data if a != b}
-    found = []
-    for row in rows:
-        found.append(row)
-        if row["quantity"].startswith("largest dE00"):
-            try:
-                value = float(colour_difference(*pairs[row["of"]], "normalised").mean())
-            except (VgonioError, KeyError):  # no 600 nm among the wavelengths, or a name that was made anew
-                continue
-            found.append({**row, "quantity": f"mean dE00, {SCALE_WORDS['normalised']}", "value": value})
-    return found
-
-
-def _with_errors(rows: list[dict[str, Any]], data: dict[str, Any]) -> list[dict[str, Any]]:
-    """The rows of each pair with the errors that follow from those of both BRDFs."""
-    from ..compare import align
-    from ..compare.drawn_errors import standard_errors
-
-    found: dict[str, dict[str, float]] = {}
-    for a in data:
-        for b in data:
-            of = f"{a} and {b}"
-            own = [r["quantity"] for r in rows if r["of"] == of and r["value"] is not None and r["error"] is None]
-            if a != b and own:
-                known = all("brdf_stderr" in data[name] for name in (a, b))
-                errors = standard_errors(_pair_figures(own), *align(data[b], data[a])) if known else {}
-                found[of] = errors
-    return [r if r["error"] is not None else {**r, "error": found.get(r["of"], {}).get(r["quantity"])} for r in rows]
-
-
-def _pair_figures(wanted: list[str]) -> Callable[..., dict[str, float]]:
-    """The figures of a pair by the names of their rows, of those that are wanted."""
-    import numpy as np
-
-    from ..compare import delta_e_2000, nrmse, rmse
-    from ..compare.colour import SCALE_WORDS, SCALES
-    from ..report.quantities import colour_difference
-
-    shown, alone = SCALE_WORDS[SCALES[0]], SCALE_WORDS["normalised"]
-
-    def figures(reference: Any, predicted: Any) -> dict[str, float]:
-        found = {"NRMSE of the BRDF": float(nrmse(reference, predicted))}
-        found["RMSE of the BRDF"] = float(rmse(reference, predicted))
-        if f"mean dE00, {shown}" in wanted:
-            difference = delta_e_2000(reference, predicted).values
-            found[f"mean dE00, {shown}"] = float(np.nanmean(difference))
-            found[f"95th percentile of dE00, {shown}"] = float(np.nanpercentile(difference, 95))
-            found[f"largest dE00, {shown}"] = float(np.nanmax(difference))
-        if f"mean dE00, {alone}" in wanted:
-            found[f"mean dE00, {alone}"] = float(colour_difference(reference, predicted, "normalised").mean())
-        return found
-
-    return figures
-
-
-def _unlike(data: dict[str, Any], reference: str) -> list[dict[str, Any]]:
-    """A row for each result that was not simulated like the reference: coherence length, windows, cones."""
-    from ..report.agreement import unlike
-
-    found = {name: unlike(d, data[reference]) for name, d in data.items() if reference in data and name != reference}
-    return [
-        {"of": f"{name} and {reference}", "quantity": "simulated alike", "value": None, "error": None, "unit": why}
-        for name, why in found.items()
-        if why
-    ]
-
-
-def _appearance(name: str, data: Any) -> list[dict[str, Any]]:
-    from ..compare import appearance
-
-    further = [d for d in data["brdf"].dims if d not in ("theta_i", "theta_o", "cell", "wavelength")]
-    return [] if further else appearance(name, data)
-
-
-def _explained(data: dict[str, Any], reference: str, reflector: Any, figures: Path | None) -> list[dict[str, Any]]:
-    """Rows of the explained shares; the reason alone where the reference has no shift or too few wavelengths."""
-    from ..compare import explained_shares
-    from ..report.tables import significance
-
-    others = {k: v for k, v in data.items() if k != reference}
-    if reference not in data:
-        return []
-    try:
-        found = explained_shares(data[reference], others, reflector)
-    except VgonioError as e:
-        return [{"of": reference, "quantity": "explained share", "value": None, "error": None, "unit": str(e)}]
-    if figures is not None:
-        from ..report.figures import explained
-
-        figures.mkdir(parents=True, exist_ok=True)
-        save_figure(explained(found), figures / "explained.png")
-    rows = []
-    for i, name in enumerate(found["explanation"].values):
-        share, error, sigma = (float(found[k][i]) for k in ("share", "share_stderr", "significance"))
-        text = f"{found['kind'].values[i]}, {significance(sigma)}"
-        rows.append(
-            {"of": str(name), "quantity": f"explained share ({text})", "value": share, "error": error, "unit": "1"}
-        )
-    return rows
+    own = [name for name in comparison.data_vars if str(name).startswith("explained_")]
+    found = comparison[own].rename({name: str(name).removeprefix("explained_") for name in own})
+    folder.mkdir(parents=True, exist_ok=True)
+    save_figure(explained(found), folder / "explained.png")
 
 
 def known_material(name: str) -> str | None:

@@ -10,10 +10,11 @@ from .exponent import check_p
 from .fit_files import broken_physics, evaluate_fit, fit_parameters, open_fit, save_fit
 from .gloss import gloss, haze
 from .gratings import order_errors
+from .looks import appearance
 from .metrics import align, nrmse, nse, rmse
 from .model_fit import fit_model
 from .model_table import fit_models, model_table
-from .reflectances import appearance, reflectance, total_integrated_scatter
+from .reflectances import reflectance, total_integrated_scatter
 from .shift import fit_global_shift, fit_local_shift, fitted_spectra
 from .summary import summary
 from .two_shift_fit import fit_two_shifts, single_share

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ..dataset import check, takes_nodes
 from ..errors import InputError, VgonioWarning, nearest
 from ..units import meant_nm, radians
-from .metrics import align, interpolate_wavelength, labelled
+from .metrics import align, at_wavelengths, labelled
 
 Floats = NDArray[np.float64]
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
@@ -236,29 +236,46 @@ def delta_e_2000(
     if scale not in SCALES:
         raise InputError(f"scale {scale!r} of a colour difference: {nearest(scale, SCALES)}")
     a, b = align(reference, predicted)
-    spectra = [_normalised(d, wavelength_n_nm) if scale == "normalised" else d["brdf"] * _cos_i(d) for d in (a, b)]
-    x, y = (_xyz(s) for s in spectra)
-    if scale == "absolute":
-        x, y = np.pi * x, np.pi * y
-    elif scale == "reference-Y50":
-        luminance = x.sel(xyz="Y", drop=True)
-        factor = 0.5 / luminance.where(luminance > 0)
-        x, y = x * factor, y * factor
-    with np.errstate(invalid="ignore"):
-        difference = delta_e(lab(x.values), lab(y.values))
-    result = xr.DataArray(difference, dims=x.dims[:-1], coords={k: v for k, v in x.coords.items() if k != "xyz"})
+    difference = differences(
+        a["brdf"].values, b["brdf"].values, a["theta_i"].values, a["wavelength"].values, scale, wavelength_n_nm
+    )
+    kept = a["brdf"].isel(wavelength=0, drop=True)
+    result = xr.DataArray(difference, dims=kept.dims, coords=kept.coords)
     attrs = {"scale": scale, "squares_left_out": int(np.isnan(difference).sum())}
     if scale == "normalised":
         attrs["wavelength_n"] = wavelength_n_nm
     return labelled(result, "delta_e_2000", "1", "colour difference CIE DE2000 under D65", **attrs)
 
 
-def _normalised(data: xr.Dataset, wavelength_n_nm: float) -> xr.DataArray:
-    """f/f(λ_n); NaN where f(λ_n) is not positive."""
-    w = data["wavelength"].values
-    if not w.min() <= wavelength_n_nm <= w.max():
+def differences(
+    reference: Floats, predicted: Floats, theta_i_deg: Floats, wavelength: Floats, scale: str, wavelength_n_nm: float
+) -> Floats:
+    """ΔE₀₀ (θ_i, direction) of BRDFs (θ_i, direction, λ) on the same angles and sorted wavelengths in nm.
+
+    scale, wavelength_n_nm : as for `delta_e_2000`; NaN for gaps and where the reference is black
+    """
+    matrix, _ = weights(wavelength)
+    if scale == "normalised":
+        x, y = (normalised(f, wavelength, wavelength_n_nm) @ matrix for f in (reference, predicted))
+    else:
+        cosine = np.cos(radians(theta_i_deg))[:, None, None]
+        x, y = ((f * cosine) @ matrix for f in (reference, predicted))
+        luminance = x[..., 1:2]
+        with np.errstate(invalid="ignore"):
+            known = np.where(luminance > 0, luminance, np.nan)
+        factor = np.pi if scale == "absolute" else 0.5 / known
+        x, y = x * factor, y * factor
+    with np.errstate(invalid="ignore", over="ignore"):
+        return delta_e(lab(x), lab(y))
+
+
+def normalised(f: Floats, wavelength: Floats, wavelength_n_nm: float) -> Floats:
+    """f/f(λ_n) of spectra (…, λ); NaN where f(λ_n) is not positive. InputError for λ_n outside the wavelengths."""
+    if not wavelength[0] <= wavelength_n_nm <= wavelength[-1]:
         raise InputError(
-            f"wavelength_n_nm = {wavelength_n_nm:g} lies outside the common wavelengths {w.min():g} to {w.max():g} nm"
+            f"wavelength_n_nm = {wavelength_n_nm:g} lies outside the common wavelengths {wavelength[0]:g} to "
+            f"{wavelength[-1]:g} nm"
         )
-    at_n = interpolate_wavelength(data[["brdf"]], np.array([wavelength_n_nm]))["brdf"].isel(wavelength=0, drop=True)
-    return data["brdf"] / at_n.where(at_n > 0)
+    at_n = at_wavelengths(f, wavelength, np.array([wavelength_n_nm]))
+    with np.errstate(invalid="ignore"):
+        return f / np.where(at_n > 0, at_n, np.nan)

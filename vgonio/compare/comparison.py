@@ -1,4 +1,7 @@
-"""The comparison of several results: every one by itself (shift fits) and every pair (errors, colour difference)."""
+"""The whole comparison of several results as one dataset: every one by itself, every pair, and the reference's shift.
+
+`summary` makes rows of it; what the command line prints and the page shows is read from here.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +17,14 @@ from ..dataset import ascending, check, label
 from ..errors import InputError, VgonioError, nearest
 from ..materials import Material
 from ..models.clausen_2022 import WAVELENGTH_N_NM
+from .alike import unlike
 from .colour import SCALES, delta_e_2000
+from .explained import explained_shares
 from .exponent import FEWEST_FOR_P
+from .looks import looks
 from .metrics import SAME_ANGLE_DEG, align, detector_dim, labelled, nrmse, rmse
+from .pair_figures import pair_figures
+from .r2_error import r2_error
 from .reference import chosen_reference
 from .shift import fit_global_shift, fit_local_shift
 
@@ -47,10 +55,18 @@ def compare(
     scale : of ΔE₀₀, see `delta_e_2000`
     Over `result`: slope, slope_stderr, slope_p, slope_r2, slope_global (…, theta_i, theta_o or cell); shift_h,
     shift_w, shift_t_y, shift_p with their standard errors, and shift_r2.
+    Over `result` as well what instruments would read, see `looks`: gloss_20, gloss_60, gloss_85, haze_20, and
+    reflectance, tis (…, theta_i).
     Over `pair` ("a and b", b is the reference): rmse, nrmse, rmse_spectral, nrmse_spectral (…, wavelength),
-    delta_e_2000 (…, theta_i, theta_o or cell), values_compared, values_left_out.
+    delta_e_2000 (…, theta_i, theta_o or cell), values_compared, values_left_out, and the figures of
+    `pair_figures.TEXTS`: median_difference, delta_e_mean, delta_e_colour (of the colour alone), …
+    Over `explanation` (the other results and the global shift): explained_share, _significance, _chi2_reduced, _slopes,
+    _kind, of the reference's shift, see `explained_shares`.
+    What has a standard error has it beside it as …_stderr, in the same unit: figures of a pair where both BRDFs have
+    errors. attrs["unlike"] names, as JSON {pair: words}, what was not simulated alike.
     Missing grid points are NaN. What could not be computed is absent or NaN, and attrs["skipped"] says why, as JSON
-    {part: reason}. Raises InputError for no result, an unknown reference or an unknown scale.
+    {part: reason}; attrs["not_covered"] does so, {result: {quantity: reason}}, for what instruments would read.
+    Raises InputError for no result, an unknown reference or an unknown scale.
     """
     if scale not in SCALES:
         raise InputError(f"scale {scale!r} of a colour difference: {nearest(scale, SCALES)}")
@@ -60,9 +76,14 @@ def compare(
     named = {name: named[name] for name in [*(n for n in named if n != last), last]}
     skipped: dict[str, str] = {}
     named = _same_directions(named, skipped)
+    missing: dict[str, dict[str, str]] = {}
     parts = [_shift_parts(name, data, material, p, wavelength_n_nm, skipped) for name, data in named.items()]
-    pairs = [_pair_parts(a, b, named, scale, skipped) for a, b in itertools.combinations(named, 2)]
+    parts = [xr.merge([part, _looks(name, named[name], missing)], join="outer") for part, name in zip(parts, named)]
+    pairs = [_pair_parts(a, b, named, scale, wavelength_n_nm, skipped) for a, b in itertools.combinations(named, 2)]
     merged = _side_by_side(parts, [pair for pair in pairs if pair is not None])
+    shares, why_none = _explained(named, material, p, wavelength_n_nm)
+    merged = merged.merge(shares)
+    apart = {f"{a} and {last}": unlike(data, named[last]) for a, data in named.items() if a != last}
     merged.attrs = {
         "method": "comparison",
         "results": json.dumps(list(named)),
@@ -73,6 +94,9 @@ def compare(
         "wavelength_n": float(wavelength_n_nm),
         "delta_e_scale": scale,
         "skipped": json.dumps(skipped, ensure_ascii=False),
+        "not_covered": json.dumps(missing, ensure_ascii=False),
+        "not_explained": why_none,
+        "unlike": json.dumps({pair: words for pair, words in apart.items() if words}, ensure_ascii=False),
     }
     return merged
 
@@ -136,12 +160,33 @@ def _shift_parts(
     )
     if fit is None:
         return found
+    fit["r2_stderr"] = labelled(xr.DataArray(r2_error(data, fit)), "", "1", "standard error of r2")
     scalars = {k: f"shift_{k}" for k, v in fit.data_vars.items() if v.ndim == 0}
     return found.assign(fit.drop_vars("theta_m").rename(scalars).data_vars)
 
 
+def _looks(name: str, data: xr.Dataset, missing: dict[str, dict[str, str]]) -> xr.Dataset:
+    found, missing[name] = looks(data)
+    return found
+
+
+def _explained(
+    results: Mapping[str, xr.Dataset], material: Any, p: float | str, wavelength_n_nm: float
+) -> tuple[xr.Dataset, str]:
+    """Shares of the shift of the last result that each of the others explains; or why there are none."""
+    *others, last = results
+    if not others:
+        return xr.Dataset(), "there is one result alone"
+    try:
+        found = explained_shares(results[last], {name: results[name] for name in others}, material, p, wavelength_n_nm)
+    except VgonioError as e:
+        return xr.Dataset(), str(e)
+    names = {str(k): f"explained_{k}" for k in (*found.data_vars, "kind")}
+    return found.reset_coords("kind").rename(names).drop_attrs(deep=False), ""
+
+
 def _pair_parts(
-    a: str, b: str, results: Mapping[str, xr.Dataset], scale: str, skipped: dict[str, str]
+    a: str, b: str, results: Mapping[str, xr.Dataset], scale: str, wavelength_n_nm: float, skipped: dict[str, str]
 ) -> xr.Dataset | None:
     """Errors of `a` against the reference `b`."""
     pair = f"{a} and {b}"
@@ -150,11 +195,8 @@ def _pair_parts(
         return None
     reference, predicted = aligned
     angles = ("theta_i", detector_dim(reference))
-    total = rmse(reference, predicted)
-    left_out = total.attrs["values_left_out"]
-    found = {
-        "rmse": total,
-        "nrmse": nrmse(reference, predicted),
+    left_out = int(rmse(reference, predicted).attrs["values_left_out"])
+    found = pair_figures(reference, predicted, scale, wavelength_n_nm) | {
         "rmse_spectral": rmse(reference, predicted, angles),
         "nrmse_spectral": nrmse(reference, predicted, angles),
         "values_left_out": labelled(xr.DataArray(left_out), "", "1", "values that one of the two results lacks"),

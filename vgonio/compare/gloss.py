@@ -10,8 +10,9 @@ between). The mean of both is read, their difference is part of the error: small
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from ..directions import unit_vectors
 from ..errors import InputError
 from ..models import Geometry, brdf
 from ..models.cook_torrance_1982 import fresnel_dielectric
+from .drawn_errors import standard_errors
 from .fit_files import fit_parameters
 
 Floats = NDArray[np.float64]
@@ -39,10 +41,20 @@ Luminance = Callable[[Geometry], Floats]  # luminous mean of f in sr⁻¹ at pai
 
 @dataclass(frozen=True)
 class Reading:
-    """What an instrument would show, and the numerical error of that (interpolation; 0 for a model)."""
+    """What an instrument would show.
+
+    error : numerical, of the interpolation between the angles (0 for a model)
+    stderr : standard error that follows from `brdf_stderr`; NaN where the data have none
+    """
 
     value: float
     error: float
+    stderr: float = float("nan")
+
+    @property
+    def both(self) -> float:
+        """Both errors in squares."""
+        return float(np.hypot(self.error, np.nan_to_num(self.stderr)))
 
 
 def luminous_weights(wavelength: Floats) -> Floats:
@@ -66,11 +78,10 @@ def of_fit(fit: xr.Dataset) -> Luminance:
     return of_model(str(fit.attrs["model"]), fit["wavelength"].values, **fit_parameters(fit))
 
 
-def of_data(data: xr.Dataset, angle: float, every: int = 1, ratio: float = 0.0) -> Luminance:
-    """Luminous f of in-plane data at the angle of incidence nearest to `angle` degrees, from every n-th θ_o.
+def at_angle(data: xr.Dataset, angle: float) -> xr.Dataset:
+    """In-plane data at the angle of incidence nearest to `angle` degrees, sorted, θ_i kept as a dimension of one.
 
-    ratio : exponent of the ratio of cosines beside the plane. Raises InputError where the data are not in plane, lack
-    that angle, or hold fewer than three values there.
+    Raises InputError where the data are not in plane or lack that angle.
     """
     if "theta_o" not in data["brdf"].dims:
         raise InputError("gloss needs in-plane data or a model: the cells of a hemisphere are wider than the receptor")
@@ -78,11 +89,24 @@ def of_data(data: xr.Dataset, angle: float, every: int = 1, ratio: float = 0.0) 
     offset = np.abs(data["theta_i"].values - angle)
     if offset.min() > NEAR_DEG:
         raise InputError(f"no angle of incidence of {angle:g}° (nearest: {data['theta_i'].values[offset.argmin()]:g}°)")
-    one = data.isel(theta_i=int(offset.argmin()))
-    spectra = one["brdf"].transpose("theta_o", "wavelength").values
-    f = spectra @ luminous_weights(data["wavelength"].values)
+    return data.isel(theta_i=[int(offset.argmin())])
+
+
+def _luminous(one: xr.Dataset) -> Floats:
+    """(n,) luminous f over θ_o."""
+    spectra = one["brdf"].isel(theta_i=0).transpose("theta_o", "wavelength").values
+    return spectra @ luminous_weights(one["wavelength"].values)
+
+
+def of_data(one: xr.Dataset, angle: float, every: int = 1, ratio: float = 0.0) -> Lobe:
+    """Luminous f of the data of `at_angle`, from every n-th θ_o.
+
+    ratio : exponent of the ratio of cosines beside the plane. Raises InputError where the data hold nothing about the
+    mirror direction, or fewer than three values.
+    """
+    f = _luminous(one)
     known = np.isfinite(f) & (f > 0)
-    theta, log_f = np.deg2rad(data["theta_o"].values[known]), np.log(f[known])
+    theta, log_f = np.deg2rad(one["theta_o"].values[known]), np.log(f[known])
     mirror = -np.deg2rad(angle)
     # thinned outwards from the sample at the mirror direction, so that the peak is never lost by the choice
     middle = int(np.abs(theta - mirror).argmin()) if theta.size else 0
@@ -93,37 +117,81 @@ def of_data(data: xr.Dataset, angle: float, every: int = 1, ratio: float = 0.0) 
     kept = np.arange(theta.size) % every == middle % every
     if kept.sum() < 3:
         raise InputError(f"fewer than three values at an angle of incidence of {angle:g}°")
+    return Lobe(theta[kept], log_f[kept], np.flatnonzero(known)[kept], mirror, ratio)
 
-    def luminance(geometry: Geometry) -> Floats:
+
+@dataclass(frozen=True, eq=False)
+class Lobe:
+    """Luminous f of in-plane data at one angle of incidence, between and beside its directions: a `Luminance`.
+
+    theta : (n,) rad, ascending;  log_f : (n,) ln of f in sr⁻¹;  place : (n,) where in the data;  mirror : rad
+    ratio : exponent of the ratio of cosines beside the plane
+    """
+
+    theta: Floats
+    log_f: Floats
+    place: NDArray[np.intp]
+    mirror: float
+    ratio: float
+
+    def __call__(self, geometry: Geometry) -> Floats:
+        return sum(value for value, _, _ in self._sides(geometry))  # type: ignore[return-value]
+
+    def sensitivity(self, geometry: Geometry, weight: Floats) -> Floats:
+        """(n,) derivatives of Σ weight · f by f at each of the data's directions."""
+        total = np.zeros(self.theta.size)
+        for value, right, t in self._sides(geometry):
+            total += np.bincount(right - 1, weight * value * (1 - t), total.size)
+            total += np.bincount(right, weight * value * t, total.size)
+        return total / np.exp(self.log_f)
+
+    def _sides(self, geometry: Geometry) -> Iterator[tuple[Floats, NDArray[np.intp], Floats]]:
+        """What both sides of the lobe give: f, the direction above and how far from the one below it lies, 0 … 1."""
         wi = unit_vectors(geometry.theta_i, geometry.phi_i)
         wo = unit_vectors(geometry.theta_o, geometry.phi_o)
         dx, r = wi[..., 0] + wo[..., 0], geometry.sine_shift
         c = np.divide(dx, r, out=np.ones_like(r), where=r > 0)
-        total = np.zeros(r.shape)
         for side, share in ((1, (1 + c) / 2), (-1, (1 - c) / 2)):
-            other = np.clip(mirror + side * 2 * geometry.theta_m, -np.pi / 2, np.pi / 2)
+            other = np.clip(self.mirror + side * 2 * geometry.theta_m, -np.pi / 2, np.pi / 2)
             # beyond the last angle, and below the horizon, the other side speaks for both
-            other = np.where((other < theta[0]) | (other > theta[-1]), mirror - side * 2 * geometry.theta_m, other)
-            value = np.exp(np.interp(other, theta[kept], log_f[kept]))
-            total += share * value * (np.maximum(np.cos(other), 0.0) / geometry.cos_o) ** ratio
-        return total
-
-    return luminance
+            beyond = (other < self.theta[0]) | (other > self.theta[-1])
+            other = np.where(beyond, self.mirror - side * 2 * geometry.theta_m, other)
+            right = np.clip(np.searchsorted(self.theta, other), 1, self.theta.size - 1)
+            step = self.theta[right] - self.theta[right - 1]
+            t = np.clip((other - self.theta[right - 1]) / step, 0.0, 1.0)
+            value = np.exp((1 - t) * self.log_f[right - 1] + t * self.log_f[right])
+            yield share * value * (np.maximum(np.cos(other), 0.0) / geometry.cos_o) ** self.ratio, right, t
 
 
 def reading(luminance: Luminance, angle: float, offset_deg: float = 0.0) -> float:
     """Flux in the receptor of a geometry (turned by offset_deg in the plane) over that of black glass, times 100."""
+    geometry, weight = receptor_rule(angle, offset_deg)
+    return float(np.sum(luminance(geometry) * weight))
+
+
+@lru_cache(maxsize=8)
+def receptor_rule(angle: float, offset_deg: float = 0.0) -> tuple[Geometry, Floats]:
+    """Pairs of directions (n,) and weights (n,) that make luminous f a reading of the instrument."""
     theta = np.deg2rad(angle)
     width = [np.tan(np.deg2rad(a) / 2) for a in RECEPTORS_DEG[angle]]
     centre = np.deg2rad(-angle + offset_deg)
     across = [np.tan(np.deg2rad(a) / 2) for a in SOURCE_DEG]
     axis = _axes(theta)
-    flux = []
+    parts = []
     for x in (-0.6, 0.0, 0.6):  # a quadrature over the image of the source
         for y in (-0.6, 0.0, 0.6):
             source = _unit(axis @ np.array([x * across[0], y * across[1], 1.0]))
-            flux.append(_in_receptor(luminance, source, centre, width))
-    return 100 * float(np.mean(flux)) / float(fresnel_dielectric(np.cos(theta), GLASS))
+            wo, weight = _in_receptor(source, centre, width)
+            parts.append((np.broadcast_to(source, wo.T.shape), wo.T, weight))
+    wi, wo, weight = (np.concatenate(p) for p in zip(*parts))
+    glass = float(fresnel_dielectric(np.cos(theta), GLASS))
+    (theta_i, phi_i), (theta_o, phi_o) = _polar(wi), _polar(wo)
+    return Geometry.of(theta_i, theta_o, phi_i, phi_o), 100 * weight / (9 * glass)
+
+
+def _polar(w: Floats) -> tuple[Floats, Floats]:
+    """Polar angles and azimuths (n,) of directions (n, 3), radians."""
+    return np.arccos(np.clip(w[:, 2], -1, 1)), np.arctan2(w[:, 1], w[:, 0])
 
 
 def _axes(theta: float) -> Floats:
@@ -135,9 +203,10 @@ def _unit(v: Floats) -> Floats:
     return v / np.linalg.norm(v, axis=0)
 
 
-def _in_receptor(luminance: Luminance, source: Floats, centre: float, width: list[Any]) -> float:
-    """∫ f cos θ_o dω_o over the rectangle, in polar coordinates about the mirror image of the source where it is in
-    there, so that the peak of any lobe is resolved; about the centre otherwise."""
+def _in_receptor(source: Floats, centre: float, width: list[Any]) -> tuple[Floats, Floats]:
+    """Directions ω_o (3, n) and weights (n,) of ∫ f cos θ_o dω_o over the rectangle, in polar coordinates about the
+    mirror image of the source where it is in there, so that the peak of any lobe is resolved; about the centre
+    otherwise."""
     axis = _axes(centre)
     mirror = axis.T @ (source * [-1, -1, 1])
     x0, y0 = mirror[:2] / mirror[2]
@@ -156,21 +225,15 @@ def _in_receptor(luminance: Luminance, source: Floats, centre: float, width: lis
     wo = _unit(axis @ np.stack([x.ravel(), y.ravel(), np.ones(x.size)]))
     above = wo[2] > 1e-6
     solid = weight.ravel() / (1 + x.ravel() ** 2 + y.ravel() ** 2) ** 1.5
-    geometry = Geometry.of(
-        np.arccos(np.clip(source[2], -1, 1)),
-        np.arccos(np.clip(wo[2][above], -1, 1)),
-        np.arctan2(source[1], source[0]),
-        np.arctan2(wo[1][above], wo[0][above]),
-    )
-    return float(np.sum(luminance(geometry) * wo[2][above] * solid[above]))
+    return wo[:, above], (wo[2] * solid)[above]
 
 
 @takes_nodes
 def gloss(data: xr.Dataset, angle_deg: float) -> Reading:
     """Specular gloss of ISO 2813 in gloss units at 20°, 60° or 85°, of in-plane data or of a fit (`fit_model`).
 
-    The error of data is what half of their angles change. Raises InputError for another angle, data that lack it, or
-    angles too coarse for their lobe (more than 10 % change).
+    `error` of data is what half of their angles change, `stderr` follows from their brdf_stderr. Raises InputError for
+    another angle, data that lack it, or angles too coarse for their lobe (more than 10 % change).
     """
     if angle_deg not in RECEPTORS_DEG:
         raise InputError(f"gloss at {angle_deg:g}°: ISO 2813 has 20°, 60° and 85°")
@@ -179,7 +242,10 @@ def gloss(data: xr.Dataset, angle_deg: float) -> Reading:
 
 @takes_nodes
 def haze(data: xr.Dataset) -> Reading:
-    """Reflection haze of ISO 13803 (20°, receptors at 18.1° and 21.9°, both together), not logarithmic."""
+    """Reflection haze of ISO 13803 (20°, receptors at 18.1° and 21.9°, both together), not logarithmic.
+
+    Errors and what is raised are as of `gloss`.
+    """
     return _read(data, 20.0, [-HAZE_OFFSET_DEG, HAZE_OFFSET_DEG], "haze")
 
 
@@ -187,12 +253,26 @@ def _read(data: xr.Dataset, angle: float, offsets: list[float], what: str) -> Re
     if data.attrs.get("method") == "fit":
         source = of_fit(data)
         return Reading(sum(reading(source, angle, o) for o in offsets), 0.0)
-
-    def value(every: int, ratio: float) -> float:
-        return sum(reading(of_data(data, angle, every, ratio), angle, o) for o in offsets)
-
-    plain, turned, coarse = value(1, 0.0), value(1, 1.0), value(2, 0.0)
+    one = at_angle(data, angle)
+    lobes = [of_data(one, angle, 1, 0.0), of_data(one, angle, 1, 1.0), of_data(one, angle, 2, 0.0)]
+    plain, turned, coarse = (sum(reading(lobe, angle, o) for o in offsets) for lobe in lobes)
     step = abs(plain - coarse) / 3  # linear interpolation: the error falls with the square of the step
     if step > LARGEST_ERROR * plain:
         raise InputError(f"{what}: the angles of reflection are too coarse for the lobe (error {step / plain:.0%})")
-    return Reading((plain + turned) / 2, float(np.hypot(step, plain - turned)))
+    error = float(np.hypot(step, plain - turned))
+    return Reading((plain + turned) / 2, error, _stderr(one, lobes[:2], angle, offsets))
+
+
+def _stderr(one: xr.Dataset, lobes: list[Lobe], angle: float, offsets: list[float]) -> float:
+    """Standard error of the mean reading of the lobes, to first order in the noise of the data."""
+    slope = np.zeros(one.sizes["theta_o"])
+    for lobe in lobes:
+        for offset in offsets:
+            slope[lobe.place] += lobe.sensitivity(*receptor_rule(angle, offset)) / len(lobes)
+
+    weight = luminous_weights(one["wavelength"].values)
+
+    def figures(brdf: Floats) -> dict[str, float]:
+        return {"reading": float(slope @ np.nan_to_num(brdf[0] @ weight))}
+
+    return standard_errors(figures, one).get("reading", float("nan"))

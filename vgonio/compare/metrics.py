@@ -46,11 +46,6 @@ def interpolate_wavelength(data: xr.Dataset, wavelength: Floats) -> xr.Dataset:
     own = data["wavelength"].values
     if own.size == 1:
         return data.isel(wavelength=np.zeros(wavelength.size, int)).assign_coords(wavelength=wavelength)
-    right = np.clip(np.searchsorted(own, wavelength), 1, own.size - 1)
-    t = np.clip((wavelength - own[right - 1]) / (own[right] - own[right - 1]), 0.0, 1.0)
-    # an end point that is hit exactly must not take NaN from the other end
-    snap = SAME_WAVELENGTH_NM / (own[right] - own[right - 1])
-    t = np.where(t < snap, 0.0, np.where(t > 1 - snap, 1.0, t))
     new = xr.Dataset(
         coords={**data.drop_dims("wavelength").coords, "wavelength": ("wavelength", wavelength)}, attrs=data.attrs
     )
@@ -59,10 +54,19 @@ def interpolate_wavelength(data: xr.Dataset, wavelength: Floats) -> xr.Dataset:
         if "wavelength" not in data[name].dims:
             continue
         values = data[name].transpose(..., "wavelength")
-        low, high = values.values[..., right - 1], values.values[..., right]
-        mixed = np.where(t == 0, low, np.where(t == 1, high, (1 - t) * low + t * high))
-        new[name] = (values.dims, mixed, data[name].attrs)
+        new[name] = (values.dims, at_wavelengths(values.values, own, wavelength), data[name].attrs)
     return new
+
+
+def at_wavelengths(values: Floats, own: Floats, wavelength: Floats) -> Floats:
+    """Spectra (…, n), at two or more sorted wavelengths, linearly between them at others (m,) inside: (…, m)."""
+    right = np.clip(np.searchsorted(own, wavelength), 1, own.size - 1)
+    t = np.clip((wavelength - own[right - 1]) / (own[right] - own[right - 1]), 0.0, 1.0)
+    # an end point that is hit exactly must not take NaN from the other end
+    snap = SAME_WAVELENGTH_NM / (own[right] - own[right - 1])
+    t = np.where(t < snap, 0.0, np.where(t > 1 - snap, 1.0, t))
+    low, high = values[..., right - 1], values[..., right]
+    return np.where(t == 0, low, np.where(t == 1, high, (1 - t) * low + t * high))
 
 
 def _common_wavelengths(a: Floats, b: Floats) -> Floats:

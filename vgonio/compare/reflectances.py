@@ -1,9 +1,8 @@
-"""Directional reflectance and total integrated scatter of any BRDF that covers the hemisphere, and rows for a table."""
+"""Directional reflectance and total integrated scatter of any BRDF that covers the hemisphere."""
 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -11,13 +10,11 @@ from numpy.typing import NDArray
 
 from ..dataset import ascending, check, takes_nodes
 from ..directions import frames, unit_vectors
-from ..errors import InputError, VgonioError
+from ..errors import InputError
 from ..models import Geometry, directional_albedo
 from ..models.evaluation import brdf
 from ..units import radians
-from .drawn_errors import standard_errors
 from .fit_files import fit_parameters
-from .gloss import gloss, haze, luminous_weights
 from .metrics import detector_dim, labelled
 
 Floats = NDArray[np.float64]
@@ -58,7 +55,24 @@ def _integral(data: xr.Dataset, cone: float | None) -> xr.DataArray:
     if data.attrs.get("method") == "fit":
         return _of_fit(data, cone)
     data = ascending(check(data))
+    rows, weight = hemisphere_rule(data, cone)
+    f = data["brdf"].transpose("theta_i", detector_dim(data), "wavelength").values[rows]
+    coords = {"theta_i": data["theta_i"].values[rows], "wavelength": data["wavelength"].values}
+    return xr.DataArray(integrated(f, weight), coords, ("theta_i", "wavelength"))
+
+
+def hemisphere_rule(data: xr.Dataset, cone: float | None = None) -> tuple[NDArray[np.intp], Floats]:
+    """Which θ_i (m,) can be integrated, and weights (m, directions) with Σ w f = ∫ f cos θ_o dω_o, see `integrated`.
+
+    cone : half-angle in radians about the mirror direction, None for all
+    Raises InputError where the data do not cover that.
+    """
     return _of_cells(data, cone) if detector_dim(data) == "cell" else _in_plane(data, cone)
+
+
+def integrated(f: Floats, weight: Floats) -> Floats:
+    """(m, n_λ) integrals of f (m, directions, n_λ); a direction of weight 0 may lack its value."""
+    return np.einsum("idw,id->iw", np.where(weight[..., None] == 0, 0.0, f), weight)
 
 
 def _of_fit(fit: xr.Dataset, cone: float | None) -> xr.DataArray:
@@ -94,12 +108,14 @@ def _cone_rule(theta_i: float, cone: float) -> tuple[Geometry, Floats]:
     return geometry, np.repeat(weight, psi.size) * 2 * np.pi / psi.size * above
 
 
-def _of_cells(data: xr.Dataset, cone: float | None) -> xr.DataArray:
+def _of_cells(data: xr.Dataset, cone: float | None) -> tuple[NDArray[np.intp], Floats]:
     theta, phi = radians(data["theta_o"].values), radians(data["phi_o"].values)
     if "projected_solid_angle" in data.coords:
         weight = data["projected_solid_angle"].values
-    else:
+    elif "solid_angle" in data.coords:
         weight = data["solid_angle"].values * np.cos(theta)
+    else:
+        raise InputError("the cells of the hemisphere have no solid_angle: their integral is not known")
     share = np.ones((data.sizes["theta_i"], theta.size))
     if cone is not None:
         width = float(np.sqrt(np.max(data["solid_angle"].values) / np.pi))
@@ -112,12 +128,9 @@ def _of_cells(data: xr.Dataset, cone: float | None) -> xr.DataArray:
         ti = radians(data["theta_i"].values)[:, None]
         cosine = np.cos(ti) * np.cos(theta) - np.sin(ti) * np.sin(theta) * np.cos(phi - phi_i)
         share = (cosine >= np.cos(cone)).astype(float)
-    f = data["brdf"].transpose("theta_i", "cell", "wavelength").values
-    if np.isnan(f).any():
+    if np.isnan(data["brdf"].values).any():
         raise InputError("cells of the hemisphere hold no value: its reflectance is not known")
-    values = np.einsum("icw,ic,c->iw", f, share, weight)
-    coords = {"theta_i": data["theta_i"].values, "wavelength": data["wavelength"].values}
-    return xr.DataArray(values, coords, ("theta_i", "wavelength"))
+    return np.arange(data.sizes["theta_i"]), share * weight
 
 
 @lru_cache(maxsize=2)  # 800 points are an eigenvalue problem of half a second
@@ -126,7 +139,7 @@ def _rule(count: int) -> tuple[Floats, Floats]:
     return np.polynomial.legendre.leggauss(count)
 
 
-def _in_plane(data: xr.Dataset, cone: float | None) -> xr.DataArray:
+def _in_plane(data: xr.Dataset, cone: float | None) -> tuple[NDArray[np.intp], Floats]:
     theta_i = data["theta_i"].values
     at = int(np.abs(theta_i).argmin())
     if abs(theta_i[at]) > 0.5:
@@ -139,55 +152,12 @@ def _in_plane(data: xr.Dataset, cone: float | None) -> xr.DataArray:
             f"in-plane data at θ_i = 0 have to reach {FARTHEST_DEG:g}° to be integrated over the hemisphere"
         )
     theta, place = np.unique(np.round(angle[known], 9), return_inverse=True)
-    count = np.bincount(place)
-    mean = np.stack([np.bincount(place, column) / count for column in one[known].T], axis=1)
     nodes, weight = _rule(800)
     top = np.pi / 2 if cone is None else cone
     x = (nodes + 1) / 2 * top
-    f = np.stack([np.interp(x, theta, column) for column in mean.T], axis=1)
-    values = 2 * np.pi * (weight / 2 * top * np.sin(x) * np.cos(x)) @ f
-    coords = {"theta_i": theta_i[[at]], "wavelength": data["wavelength"].values}
-    return xr.DataArray(values[None], coords, ("theta_i", "wavelength"))
-
-
-def appearance(name: str, data: xr.Dataset) -> list[dict[str, Any]]:
-    """Rows of a table (of, quantity, value, error, unit): gloss, haze, TIS and reflectance, luminous means over λ.
-
-    The error of reflectance and TIS is that of brdf_stderr, of gloss and haze that of the interpolation.
-    What the data do not cover has the value None and the reason in unit.
-    """
-    rows = [
-        _row(name, f"gloss {angle:g}° (ISO 2813)", lambda a=angle: gloss(data, a), "GU") for angle in (20.0, 60.0, 85.0)
-    ]  # type: ignore[misc]
-    rows.append(_row(name, "haze 20° (ISO 13803)", lambda: haze(data), "HU"))
-    for quantity, function in (("reflectance", reflectance), ("total integrated scatter", total_integrated_scatter)):
-        try:
-            found = function(data)  # type: ignore[operator]
-            luminous = found.values @ luminous_weights(found["wavelength"].values)
-            errors = {} if data.attrs.get("method") == "fit" else standard_errors(_luminous(function), ascending(data))
-        except VgonioError as e:
-            rows.append({"of": name, "quantity": quantity, "value": None, "error": None, "unit": str(e)})
-            continue
-        for angle, value in zip(found["theta_i"].values, luminous):
-            text, error = f"{quantity} at {angle:g}°", errors.get(f"{angle:g}")
-            rows.append({"of": name, "quantity": text, "value": float(value), "error": error, "unit": "1"})
-    return rows
-
-
-def _luminous(function: Any) -> Any:
-    """The luminous means of a quantity by their angle of incidence, for `standard_errors`."""
-
-    def figures(data: xr.Dataset) -> dict[str, float]:
-        found = function(data)
-        means = found.values @ luminous_weights(found["wavelength"].values)
-        return {f"{angle:g}": float(mean) for angle, mean in zip(found["theta_i"].values, means)}
-
-    return figures
-
-
-def _row(name: str, quantity: str, read: Any, unit: str) -> dict[str, Any]:
-    try:
-        found = read()
-    except VgonioError as e:
-        return {"of": name, "quantity": quantity, "value": None, "error": None, "unit": str(e)}
-    return {"of": name, "quantity": quantity, "value": found.value, "error": found.error or None, "unit": unit}
+    weight = 2 * np.pi * weight / 2 * top * np.sin(x) * np.cos(x)
+    # linear between the angles: what each of them weighs, shared by both sides where both are there
+    each = np.array([weight @ np.interp(x, theta, row) for row in np.eye(theta.size)])
+    found = np.zeros((1, angle.size))
+    found[0, known] = (each / np.bincount(place))[place]
+    return np.array([at]), found

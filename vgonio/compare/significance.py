@@ -31,3 +31,8 @@ def no_shift(height: float, error: float, r2: float = np.nan) -> str:
     if abs(height) < SMALLEST_NM or abs(height) < SIGMAS * error:
         return NO_SHIFT
     return f"{NO_FORM} (r² = {r2:.2f})".replace("-", "−") if r2 < LEAST_R2 else ""
+
+
+def in_sigmas(sigma: float) -> str:
+    """3.2 σ, 31 σ; beyond 100 no digit of it means anything."""
+    return "> 100 σ" if sigma > 100 else f"{sigma:.{1 if sigma < 10 else 0}f} σ"

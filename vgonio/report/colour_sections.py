@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import xarray as xr
 
+from ..compare.bright import bright_spectra, colour_difference
 from ..dataset import ascending
 from ..errors import InputError
 from . import figures
 from . import quantities as q
+from .agreement import Agreement
 from .content import Content
 from .section import Section
 from .shifts import global_fit_table, mean_table, skipped_words
@@ -20,18 +21,18 @@ from .tables import number
 MOST_PAIRS = 6
 
 
-def colour_differences(content: Content) -> dict[str, dict[str, xr.DataArray]]:
+def colour_differences(content: Content, pairs: Sequence[Agreement]) -> dict[str, dict[str, xr.DataArray]]:
     """ΔE₀₀ maps by pair and scale; empty where there are no spectra or no pairs.
 
     Of the colour alone ("normalised") only where both results catch light: noise has colours too.
     """
     found: dict[str, dict[str, xr.DataArray]] = {}
-    usable = [name for name, data in content.results.items() if q.spectral(data)]
-    for a, b in list(itertools.combinations(usable, 2))[:MOST_PAIRS]:
+    usable = [pair.names for pair in pairs if all(q.spectral(content.results[name]) for name in pair.names)]
+    for a, b in usable[:MOST_PAIRS]:
         reference, predicted = content.results[b], content.results[a]
         for scale in ("normalised", "reference-Y50"):
             try:
-                found.setdefault(f"{a} and {b}", {})[scale] = q.colour_difference(reference, predicted, scale)
+                found.setdefault(f"{a} and {b}", {})[scale] = colour_difference(reference, predicted, scale)
             except InputError:
                 continue
     return {key: maps for key, maps in found.items() if maps}
@@ -59,7 +60,7 @@ def colour_section(content: Content, colour: Mapping[str, Mapping[str, xr.DataAr
         f"{number(exposure)} for all; the share of clipped squares stands below each."
     )
     made.draw(figures.rgb_maps(maps, titles), caption, width)
-    maps = {name: rgb_map(data, chromatic=True).where(q.bright_spectra(data)) for name, data in plane.items()}
+    maps = {name: rgb_map(data, chromatic=True).where(bright_spectra(data)) for name, data in plane.items()}
     for rgb in maps.values():
         rgb.attrs.pop("clipped", None)  # counted with the squares that are left out here
     caption = (

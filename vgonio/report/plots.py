@@ -191,6 +191,7 @@ def plot_delta_e(result: Result, reference: Result | None = None, scale: str = "
     Raises InputError where there is nothing to compare with, for a hemisphere, for fewer than three wavelengths, and
     for the colour alone without 600 nm among them.
     """
+    from ..compare.bright import colour_difference
     from . import quantities as q
     from .figures import delta_e_maps
 
@@ -203,7 +204,7 @@ def plot_delta_e(result: Result, reference: Result | None = None, scale: str = "
     if not plane:
         raise InputError("plot_delta_e compares results and this is one alone: give another as reference")
     pairs = {f"{q.title(n, d)} and {q.in_words(name, against)}": d for n, d in plane.items()}
-    return delta_e_maps({words: q.colour_difference(against, data, scale) for words, data in pairs.items()})
+    return delta_e_maps({words: colour_difference(against, data, scale) for words, data in pairs.items()})
 
 
 def plot_shift(result: Result, material: Any = None) -> Figure:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from ..compare.bright import bright
 from ..dataset import ascending
 
 TOO_FEW = 0.25  # relative standard error of a bin above which its split is not drawn: fewer than about 16 rays
@@ -122,33 +123,6 @@ def total_share(rays: xr.Dataset, theta_i: float) -> float:
     energy = near(rays)["energy_by_bounce"].sel(theta_i=theta_i, method="nearest")
     total = float(energy.sum())
     return 1 - float(energy.sel(bounce=1)) / total if total > 0 else float("nan")
-
-
-def bright(data: xr.Dataset) -> xr.DataArray:
-    """Where brdf exceeds 10⁻³ of its largest value over the detector, the part for which an error is promised."""
-    dim = "theta_o" if in_plane(data) else "cell"
-    return data["brdf"] > 1e-3 * data["brdf"].max(dim)
-
-
-def bright_spectra(data: xr.Dataset) -> xr.DataArray:
-    """Where at least half of the spectrum is `bright`: elsewhere its colour says nothing."""
-    return bright(data).mean("wavelength") >= 0.5
-
-
-def colour_difference(reference: xr.Dataset, predicted: xr.Dataset, scale: str) -> xr.DataArray:
-    """`compare.delta_e_2000`; of the colour alone, "normalised", only where both catch light.
-
-    attrs["dark"] counts the pairs of directions left out for that. Raises InputError as `delta_e_2000`.
-    """
-    from ..compare.colour import delta_e_2000
-    from ..compare.metrics import align
-
-    difference = delta_e_2000(reference, predicted, scale)
-    if scale != "normalised":
-        return difference
-    seen = [bright_spectra(d) for d in align(reference, predicted)]
-    both = (seen[0] & seen[1]).drop_vars("solid_angle", errors="ignore")
-    return difference.where(both).assign_attrs(difference.attrs | {"dark": int((~both).sum())})
 
 
 def relative_error(data: xr.Dataset) -> float:

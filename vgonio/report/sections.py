@@ -21,43 +21,33 @@ from .verdict import Verdict, verdict
 
 def judged(content: Content) -> Verdict:
     """The verdict alone."""
-    colour, _, slopes, agreements = _evidence(content)
-    return _verdict(content, colour, slopes, agreements)
+    _, slopes, agreements = _evidence(content)
+    return verdict(content, slopes, agreements)
 
 
 def compose(content: Content) -> tuple[Verdict, list[Section]]:
     """The verdict and all sections of the page."""
-    colour, comparison, slopes, agreements = _evidence(content)
+    comparison, slopes, agreements = _evidence(content)
     makers: list[Callable[[], Section]] = [
         lambda: surface_section(content),
         lambda: reflections_section(content),
         lambda: lobes_section(content),
-        lambda: colour_section(content, colour),
+        lambda: colour_section(content, colour_differences(content, agreements)),
         lambda: spectra_section(content, slopes, comparison),
         lambda: energy_section(content),
         *optional_sections(content),
-        lambda: agreement_section(content, agreements, colour),
+        lambda: agreement_section(content, agreements),
         lambda: error_section(content),
         lambda: plan_section(content),
         lambda: provenance_section(content),
     ]
-    return _verdict(content, colour, slopes, agreements), [make() for make in makers]
+    return verdict(content, slopes, agreements), [make() for make in makers]
 
 
-def _evidence(content: Content) -> tuple[dict, xr.Dataset | None, dict[str, xr.Dataset], list[Agreement]]:
-    """What verdict and sections rest on: colour differences, comparison, slopes of the shift, agreement of pairs."""
+def _evidence(content: Content) -> tuple[xr.Dataset | None, dict[str, xr.Dataset], list[Agreement]]:
+    """What verdict and sections rest on: the comparison, slopes of the shift, agreement of pairs."""
     comparison = comparison_of(content)
-    return (
-        colour_differences(content),
-        comparison,
-        shift_slopes(comparison, content.results),
-        pairs(content.results),
-    )
-
-
-def _verdict(content: Content, colour: dict, slopes: dict[str, xr.Dataset], agreements: list[Agreement]) -> Verdict:
-    means = {key: float(maps["normalised"].mean()) for key, maps in colour.items() if "normalised" in maps}
-    return verdict(content, slopes, means, agreements)
+    return comparison, shift_slopes(comparison, content.results), pairs(comparison, content.results)
 
 
 # ---- the surface
@@ -175,9 +165,7 @@ def energy_section(content: Content) -> Section:
     return made
 
 
-def agreement_section(
-    content: Content, agreements: list[Agreement], colour: Mapping[str, Mapping[str, xr.DataArray]]
-) -> Section:
+def agreement_section(content: Content, agreements: list[Agreement]) -> Section:
     made = Section("agreement", "How far the results agree", "Agreement")
     if not agreements:
         made.missing = content.why("compare", "there are no two results with directions and wavelengths in common.")
@@ -185,11 +173,9 @@ def agreement_section(
     rows = []
     for pair in agreements:
         a, b = pair.names
-        maps = colour.get(f"{a} and {b}", {})
-        delta = [number(float(maps[s].mean()), 2) if s in maps else "–" for s in ("reference-Y50", "normalised")]
         name = f"{q.title(a, content.results[a])} against {q.in_words(b, content.results[b])}"
-        shares = [percent(x) for x in (pair.nrmse, pair.noise, pair.median, pair.within)]
-        rows.append((name, *shares, *delta, str(pair.directions)))
+        shares = [pair.nrmse.percent, percent(pair.noise), pair.median.percent, pair.within.percent]
+        rows.append((name, *shares, str(pair.brightness), str(pair.colour), str(pair.directions)))
     words = (
         "Pair|NRMSE|of noise alone|Median difference|Within 10 %|"
         "Mean ΔE₀₀, with brightness, Y = 50|Mean ΔE₀₀, colour alone|Directions"
@@ -201,7 +187,8 @@ def agreement_section(
         "directions and wavelengths; beside it, what the standard errors alone would give. Median difference and the "
         "share within 10 % count the directions where the second result exceeds 10⁻³ of its largest value. With "
         "brightness both are shown times the factor that brings the second one's Y to 50, of all directions; the "
-        "colour alone is that of spectra over their value at 600 nm, where both exceed 10⁻³ of their largest value."
+        "colour alone is that of spectra over their value at 600 nm, where both exceed 10⁻³ of their largest value. "
+        "Behind ± stand the standard errors that follow from those of both BRDFs."
     )
     return made
 

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from ..compare.bright import bright_spectra
 from ..compare.exponent import bound_words
-from ..compare.significance import SIGMAS, no_shift
+from ..compare.significance import SIGMAS, in_sigmas, no_shift
 from ..errors import VgonioError
 from . import quantities as q
 from .content import Content
-from .tables import ROUNDING, Table, number, plus_minus, significance
+from .tables import ROUNDING, Table, number, plus_minus
 
 NEAR = 15.0  # degrees: what counts as around the mirror direction or back-scattering
 FEWEST = 3  # directions that a mean is taken over
@@ -23,14 +24,15 @@ SIDES = {"mirror": "around the mirror direction", "back": "around back-scatterin
 
 
 def comparison_of(content: Content) -> xr.Dataset | None:
-    """The stored comparison; worked out here where there is none, as of a single result; None without spectra."""
-    if content.comparison is not None:
-        return content.comparison
+    """The stored comparison; worked out here where there is none, or one without the figures of pairs; None without
+    results."""
+    stored = content.comparison
+    if stored is not None and ("pair" not in stored.dims or "median_difference" in stored):
+        return stored
     from ..compare.comparison import compare
 
-    spectra = {name: data for name, data in content.results.items() if q.spectral(data)}
     try:
-        return compare(spectra, material=content.material()) if spectra else None
+        return compare(content.results, material=content.material()) if content.results else None
     except VgonioError:
         return None
 
@@ -50,10 +52,10 @@ def shift_slopes(comparison: xr.Dataset | None, results: Mapping[str, xr.Dataset
 
 
 def bright_directions(data: xr.Dataset | None, like: xr.Dataset) -> xr.DataArray:
-    """`quantities.bright_spectra` on the grid of the slopes; everywhere for an unknown result."""
+    """`compare.bright.bright_spectra` on the grid of the slopes; everywhere for an unknown result."""
     if data is None:
         return xr.ones_like(like["slope"], dtype=bool)
-    share = q.bright_spectra(data).astype(float)
+    share = bright_spectra(data).astype(float)
     grid = {"theta_i": like["theta_i"], "theta_o": like["theta_o"]}
     return share.reindex(grid, method="nearest", tolerance=1e-3).fillna(0.0) >= 0.5
 
@@ -100,10 +102,10 @@ def in_words(mean: MeanShift | None) -> str:
     if abs(mean.slope) + SIGMAS * mean.stderr < NEGLIGIBLE:
         return f"{value} (practically none)"
     if sigma < SIGMAS:
-        return f"{value} (not significant, {significance(sigma)})"
+        return f"{value} (not significant, {in_sigmas(sigma)})"
     if abs(mean.slope) < NEGLIGIBLE:
-        return f"{value} (hardly any, {significance(sigma)})"
-    return f"{value} (towards {'red' if mean.slope > 0 else 'blue'}, {significance(sigma)})"
+        return f"{value} (hardly any, {in_sigmas(sigma)})"
+    return f"{value} (towards {'red' if mean.slope > 0 else 'blue'}, {in_sigmas(sigma)})"
 
 
 def mean_table(slopes: Mapping[str, xr.Dataset], titles: Mapping[str, str]) -> Table:
@@ -131,13 +133,19 @@ def global_fit_table(comparison: xr.Dataset, titles: Mapping[str, str]) -> Table
                 cells[0], cells[1] = f"{cells[0]}: {why}", "–"
             if comparison.attrs.get("exponent") == "fit" and fit.attrs.get("material") != "none (F = 1)":
                 cells[3] += bound_words(float(fit["shift_p"]))
-            rows.append((titles.get(str(name), str(name)), *cells, number(float(fit["shift_r2"]), 2)))
+            rows.append(
+                (
+                    titles.get(str(name), str(name)),
+                    *cells,
+                    plus_minus(float(fit["shift_r2"]), float(fit.get("shift_r2_stderr", np.nan)), 2),
+                )
+            )
     head = ("Global fit of the shift", "h (% per 100 nm)", "w", "t (% per 100 nm)", "p", "r²")
     return Table(head, rows, numeric=(1, 2, 3, 4, 5)) if rows else None
 
 
 def with_error(fit: xr.Dataset, name: str, scale: float) -> str:
-    return plus_minus(*(scale * float(fit[f"shift_{name}{end}"]) for end in ("", "_stderr")))
+    return plus_minus(scale * float(fit[f"shift_{name}"]), scale * float(fit[f"shift_{name}_stderr"]))
 
 
 def skipped_words(comparison: xr.Dataset | None) -> list[str]:

@@ -48,15 +48,13 @@ def number(value: Any, digits: int = 3) -> str:
     return f"{mantissa}·10{str(int(power)).translate(SUPERSCRIPT)}".replace("-", "−")
 
 
-def significance(sigma: float) -> str:
-    """3.2 σ, 31 σ; beyond 100 no digit of it means anything."""
-    return "> 100 σ" if sigma > 100 else f"{sigma:.{1 if sigma < 10 else 0}f} σ"
+def plus_minus(value: float, error: float, digits: int = 3) -> str:
+    """9.1 ± 0.3: the error with one digit, two where it begins with 1, the value to the same place.
 
-
-def plus_minus(value: float, error: float) -> str:
-    """9.1 ± 0.3: the error with one digit, two where it begins with 1, the value to the same place."""
+    digits : of the value where the error is not known
+    """
     if not (math.isfinite(error) and error > 0):
-        return number(value)
+        return number(value, digits)
     if not 1e-3 <= error < 1e4:
         return f"{number(value, 2)} ± {number(error, 1)}"
     power = math.floor(math.log10(error))

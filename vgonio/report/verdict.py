@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import xarray as xr
 
+from ..compare.alike import unlike
 from ..compare.significance import SIGMAS
 from . import quantities as q
-from .agreement import Agreement, unlike
+from .agreement import Agreement
 from .content import Content
 from .shifts import in_words, mean_shift, signed
 from .style import angle
@@ -55,13 +56,11 @@ class Verdict:
 def verdict(
     content: Content,
     slopes: Mapping[str, xr.Dataset],
-    colour: Mapping[str, float],
     agreements: Sequence[Agreement],
 ) -> Verdict:
     """All that can be said of a result.
 
-    slopes : per result the local shift fits, see `shifts.shift_slopes`
-    colour : mean ΔE₀₀ of the colour alone by pair, "rays and waves";  agreements : from `pairs`
+    slopes : per result the local shift fits, see `shifts.shift_slopes`;  agreements : from `pairs`
     """
     made, results = Verdict(), content.results
     if "rays" in results and "brdf_by_bounce" in results["rays"]:
@@ -71,7 +70,7 @@ def verdict(
     for name, data in slopes.items():
         shift(made, results, name, data)
     for pair in agreements:
-        agreement_of(made, results, pair, colour)
+        agreement_of(made, results, pair)
     made.add(largest_error(results))
     if "rays" in results:
         energy_of_rays(made, results["rays"])
@@ -194,27 +193,25 @@ def crossing(one: xr.Dataset, theta_i: float) -> str:
 
 
 # ---- agreement
-def agreement_of(
-    made: Verdict, results: Mapping[str, xr.Dataset], pair: Agreement, colour: Mapping[str, float]
-) -> None:
+def agreement_of(made: Verdict, results: Mapping[str, xr.Dataset], pair: Agreement) -> None:
     """One pair as a card and a sentence."""
     a, b = pair.names
     first_one, second = q.title(a, results[a]), q.in_words(b, results[b])
-    delta = f", mean ΔE₀₀ of the colour alone {number(colour[f'{a} and {b}'], 2)}" if f"{a} and {b}" in colour else ""
+    delta = f", mean ΔE₀₀ of the colour alone {pair.colour}" if pair.colour.known else ""
     apart = unlike(results[a], results[b])
-    note = f"NRMSE {percent(pair.nrmse)}{delta}{'; not of the theories alone, see below' if apart else ''}"
-    made.cards.append(Card(f"{first_one} against {second}, median difference", percent(pair.median), note))
+    note = f"NRMSE {pair.nrmse.percent}{delta}{'; not of the theories alone, see below' if apart else ''}"
+    made.cards.append(Card(f"{first_one} against {second}, median difference", pair.median.percent, note))
     sides = ""
-    if math.isfinite(pair.mirror_side) and math.isfinite(pair.source_side):
-        sides = f": {percent(pair.mirror_side)} on the mirror's side, {percent(pair.source_side)} on the source's side"
+    if pair.mirror_side.known and pair.source_side.known:
+        sides = f": {pair.mirror_side.percent} on the mirror's side, {pair.source_side.percent} on the source's side"
     noise = ""
     if math.isfinite(pair.noise):
-        kind = "mostly noise" if pair.noise**2 > 0.5 * pair.nrmse**2 else "not noise"
+        kind = "mostly noise" if pair.noise**2 > 0.5 * pair.nrmse.value**2 else "not noise"
         noise = f"; noise alone would give {percent(pair.noise)}, so that is {kind}"
     made.add(
-        f"{first_one} and {second} differ by {percent(pair.median)} in the median{sides}. NRMSE, which the brightest "
+        f"{first_one} and {second} differ by {pair.median.percent} in the median{sides}. NRMSE, which the brightest "
         "directions rule: "
-        f"{percent(pair.nrmse)}{noise}.{delta[1:].replace(' mean', ' Mean') + '.' if delta else ''}"
+        f"{pair.nrmse.percent}{noise}.{delta[1:].replace(' mean', ' Mean') + '.' if delta else ''}"
         f"{' ' + apart if apart else ''}"
     )
 
