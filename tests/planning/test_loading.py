@@ -115,7 +115,7 @@ def test_the_libraries_of_a_plan_are_those_that_a_run_loads(tmp_path, changes):
         given["surface"]["generate"] |= {"shape": [1, 60], "pitch_um": 0.1}
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", RUN, json.dumps(given)],
-        capture_output=True, text=True, check=True, cwd=tmp_path, timeout=200,
+        capture_output=True, text=True, check=True, cwd=tmp_path, timeout=600,
     )  # fmt: skip
     found = json.loads(done.stdout.splitlines()[-1])
     before, alone, after, alone_after = found["loading"]
