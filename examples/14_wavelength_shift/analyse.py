@@ -103,6 +103,19 @@ def table(data: xr.Dataset, theta_i: float) -> list[dict[str, float | str]]:
     return rows
 
 
+def added(fine: xr.Dataset, relief: xr.Dataset, theta_i: float, which: str) -> tuple[float, float]:
+    """(slope of all light with fine roughness minus that without, standard error): of the same rows, so that what is
+    chance among rows hardly enters."""
+    both = xr.concat([relief["total"], fine["total"]], "fine", join="exact")
+
+    def difference(b: xr.DataArray) -> xr.DataArray:
+        without, with_it = (side_slope(b.isel(fine=k), theta_i, which, PARTS["total"]) for k in (0, 1))
+        return with_it - without
+
+    value, error = with_error(both, difference)
+    return float(value), float(error)
+
+
 def shares(data: xr.Dataset, theta_i: float, which: str) -> dict[str, float]:
     """Shares in the light of a side: multiple reflections by waves at 600 nm and by rays, the change by diffraction
     (Σ|Δ| over all wavelengths); and the side's own share in all light."""
@@ -162,6 +175,17 @@ def draw_shares(ax, data: xr.Dataset) -> None:
     ax.plot(theta_o, 100 * change, color="#c2571a", lw=1, label="change by diffraction")
 
 
+def told(samples: Mapping[str, xr.Dataset], theta_i: float) -> None:
+    """What fine roughness adds to the slopes of a sample's relief, where both are there."""
+    for title, data in samples.items():
+        relief = samples.get(title.split(",")[0])
+        if relief is None or relief is data or relief.sizes["row"] < data.sizes["row"]:
+            continue
+        for which in ("forward", "back"):
+            value, error = added(data, relief.isel(row=slice(0, data.sizes["row"])), theta_i, which)
+            print(f"{title:30} {which:8}minus the relief alone {value:+7.2f} ± {error:.2f}")
+
+
 def quick() -> dict[str, xr.Dataset]:
     """Two rows of sample 1 at 40°, simulated now."""
     import simulate
@@ -207,6 +231,7 @@ def main(arguments: list[str] | None = None) -> None:
             if row["part"] == "total":
                 line += f"   changed by diffraction {of['diffraction']:.2%}, {of['side']:.2%} of all light"
             print(line)
+    told(samples, asked.theta_i)
     if asked.output:
         figure(samples, asked.theta_i, asked.highest).savefig(asked.output, dpi=150)
         print(f"figure: {asked.output}")

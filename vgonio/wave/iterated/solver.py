@@ -17,6 +17,7 @@ from ...directions import Detector, Incoming, wavelength_list
 from ...errors import InputError, VgonioWarning, nearest, relative_tolerance, whole
 from ...materials import Material, material
 from ...surface.heightfield import Heightfield
+from ...surface.spectrum import about_mean
 from ...units import wavenumber
 from .. import opencl
 from ..coherence import Window
@@ -132,6 +133,7 @@ class IteratedKirchhoff:
         """
         start = time.perf_counter()
         surface.require_complete()
+        surface = surface.replace(z=about_mean(surface.z))  # a tapered beam has its waist there, as in the full wave
         if incoming.divergence_deg:
             raise InputError("iterated Kirchhoff takes parallel light: divergence_deg has to be 0")
         places = Places.of(surface, self.window_um, incoming.coherence_um, self.windows)
