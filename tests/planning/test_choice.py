@@ -11,7 +11,7 @@ import pytest
 import vgonio as vg
 from vgonio.cli import main
 from vgonio.errors import InputError, ToleranceError
-from vgonio.planning.choice import Candidate, _cheapest, _most_accurate
+from vgonio.planning.choice import Candidate, _cheapest, _found, _most_accurate
 from vgonio.planning.plans import duration, rounded_up
 
 
@@ -260,3 +260,61 @@ def test_long_runs_say_first_how_long(monkeypatch, tmp_path, capsys, seconds, qu
     main(["init", str(path)])
     assert main(["simulate", str(path), "-o", str(tmp_path / "a.nc"), *quiet]) == 0
     assert ("expected time: 2 min (here)" in capsys.readouterr().err) == said
+
+
+# ---- what of a scene fits, where all of it does not
+def test_a_refusal_tells_what_can_be_had_in_the_time():
+    """What it offers is accepted in that time, as it is offered; what it does not offer is refused."""
+    given = scene(wave={"theory": ["kirchhoff", "harvey-shack"], "shadowing": True})
+    whole = vg.plan(given, tol=0.01).seconds
+    seconds = 1.25 * whole * 0.7
+    offers = {
+        "without [wave]": {**given, "wave": None},
+        "without [geometric]": {**given, "geometric": None},
+        'with theory = "kirchhoff" alone': {**given, "wave": {**given["wave"], "theory": "kirchhoff"}},
+        'with theory = "harvey-shack" alone': {**given, "wave": {**given["wave"], "theory": "harvey-shack"}},
+    }
+    with pytest.raises(ToleranceError, match="What was asked for can be had") as refused:
+        vg.plan(given, tol=0.01, max_seconds=seconds)
+    offered = [words for words in offers if words in str(refused.value)]
+    assert "without [wave]" in offered
+    for words, smaller in offers.items():
+        if words in offered:
+            assert vg.plan(smaller, tol=0.01, max_seconds=seconds).seconds < seconds
+        else:
+            with pytest.raises(ToleranceError):
+                vg.plan(smaller, tol=0.01, max_seconds=seconds)
+
+
+def test_a_tolerance_that_one_theory_cannot_meet_is_offered_without_it():
+    profile = {
+        "generate": {"kind": "sinusoid", "period_um": 8, "amplitude_um": 0.2, "shape": [1, 160], "pitch_um": 0.1}
+    }
+    wave = {"theory": ["kirchhoff", "iterated-kirchhoff"]}
+    with pytest.raises(ToleranceError, match="the waves reach 1 % at best") as refused:
+        vg.plan(scene(surface=profile, geometric=None, wave=wave), tol=1e-3)
+    assert 'can be had with theory = "kirchhoff" alone' in str(refused.value)
+    assert '"iterated-kirchhoff" alone' not in str(refused.value)
+
+
+def test_nothing_is_offered_where_nothing_fits():
+    with pytest.raises(ToleranceError) as refused:
+        vg.plan(scene(), max_seconds=0.1)
+    assert "can be had" not in str(refused.value)
+
+
+def test_the_error_that_is_reached_holds_the_speckle_of_windows_left_out():
+    """A smaller error than the one that was refused would be no reason to refuse it."""
+    waves = [Candidate("waves", {"wave.tol": 0.003}, 10, 0.003, 0.2),
+             Candidate("waves", {"wave.tol": 0.003, "wave.windows": 2}, 2, 0.003, 0.5)]  # fmt: skip
+    with pytest.raises(ToleranceError, match=r"an error of 50 % is reached, its speckle included \(windows = 2\)"):
+        _found([waves], 0.1, 5, 0.02)
+
+
+def test_more_time_takes_no_patch_that_adds_more_speckle_than_it_takes_away():
+    plain = Candidate("waves", {"wave.tol": 0.03}, 1, 0.09, 0.4)
+    large = Candidate("waves", {"wave.tol": 0.03, "wave.window_um": 50.0}, 2, 0.02, 0.7, added=0.57)
+    good = Candidate("waves", {"wave.tol": 0.03, "wave.window_um": 20.0}, 2, 0.02, 0.4001, added=0.01)
+    assert _most_accurate([[plain, large]], 100) == [plain]
+    assert _most_accurate([[plain, large, good]], 100) == [good]
+    assert _cheapest([[plain, large]], 0.05) == [large]  # what was asked for is the numerical error

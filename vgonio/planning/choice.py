@@ -41,6 +41,7 @@ class Candidate:
     """One way to make a part: settings by key of the scene, and what they cost
 
     part : "rays" or "waves";  why : where the error is from, where that is not the tolerance
+    added : speckle that it has more than the scene's own windows and patches, as a relative standard error
     """
 
     part: str
@@ -49,6 +50,7 @@ class Candidate:
     error: float
     speckle: float | None = None
     why: str = ""
+    added: float = 0.0
 
     def row(self, chosen: bool) -> dict[str, Any]:
         return {
@@ -98,20 +100,14 @@ def choose(
     if surface is None or (scene.geometric is None and scene.wave is None):
         raise InputError("max_seconds and tol are for scenes that simulate: this one has no [geometric] and no [wave]")
     groups = _groups(scene, surface, on, tol)
-    rest = _rest(scene, source, surface, on, new_process) + time.process_time() - begin
-    if tol is None:
-        assert max_seconds is not None
-        found = _most_accurate(groups, max_seconds / MARGIN - rest)
-        if found is None:
-            raise ToleranceError(_too_short(groups, rest, max_seconds))
-    else:
-        found = _cheapest(groups, tol)
-        needed = rest + sum(c.seconds for c in found)
-        if max_seconds is not None and MARGIN * needed > max_seconds:
-            fewer = _cheapest(groups, tol, speckled=True)
-            if MARGIN * (rest + sum(c.seconds for c in fewer)) > max_seconds:
-                raise ToleranceError(_refusal(groups, found, rest, max_seconds, tol))
-            found = fewer
+    planning = time.process_time() - begin
+    rest = _rest(scene, source, surface, on, new_process) + planning
+    try:
+        found = _found(groups, rest, max_seconds, tol)
+    except ToleranceError as refused:
+        smaller = _smaller(scene, surface, source, on, tol, groups, new_process)
+        fits = ", ".join(f"{words} ({duration(s)})" for words, s in _that_fit(smaller, planning, max_seconds, tol))
+        raise ToleranceError(f"{refused}{fits and '. What was asked for can be had '}{fits}") from None
     settings = {k: v for c in found for k, v in c.settings.items()}
     rows = tuple(c.row(c is one) for group, one in zip(groups, found) for c in _worth_telling(group, one))
     left_out = max(((c.error, c.why) for c in found if c.why), default=(0.0, ""))
@@ -130,6 +126,58 @@ def _worth_telling(group: list[Candidate], chosen: Candidate) -> list[Candidate]
 
 def _whole(c: Candidate) -> bool:
     return "wave.windows" not in c.settings
+
+
+def _found(groups: list[list[Candidate]], rest: float, max_seconds: float | None, tol: float | None) -> list[Candidate]:
+    """Of each group the one to take; ToleranceError where there is none."""
+    if tol is None:
+        assert max_seconds is not None
+        best = _most_accurate(groups, max_seconds / MARGIN - rest)
+        if best is None:
+            raise ToleranceError(_too_short(groups, rest, max_seconds))
+        return best
+    found = _cheapest(groups, tol)
+    if max_seconds is None or MARGIN * (rest + sum(c.seconds for c in found)) <= max_seconds:
+        return found
+    fewer = _cheapest(groups, tol, speckled=True)
+    if MARGIN * (rest + sum(c.seconds for c in fewer)) > max_seconds:
+        raise ToleranceError(_refusal(groups, found, rest, max_seconds, tol))
+    return fewer
+
+
+# ---- parts of the scene, where all of it cannot be had
+Smaller = tuple[str, list[list[Candidate]], float]  # words, candidates of each group, seconds of all that is not chosen
+
+
+def _smaller(
+    scene: Scene, surface: Heightfield, source: Heightfield | None, on: Calibration, tol: float | None,
+    groups: list[list[Candidate]], new_process: bool,
+) -> Iterator[Smaller]:  # fmt: skip
+    """The scene without one of its tables, and with one of its theories alone."""
+
+    def rest(of: Scene) -> float:
+        return _rest(of, source, surface, on, new_process)
+
+    if scene.geometric is not None and scene.wave is not None:
+        rays, waves = (scene.model_copy(update={name: None}) for name in ("wave", "geometric"))
+        yield "without [wave]", groups[:1], rest(rays)
+        yield "without [geometric]", groups[1:], rest(waves)
+    for theory in scene.wave.theory if scene.wave is not None and len(scene.wave.theory) > 1 else ():
+        alone = _with(scene, {"wave.theory": [theory]})
+        of_theory = [*groups[:-1], list(_wave_candidates(alone, surface, on, tol))]
+        yield f'with theory = "{theory}" alone', of_theory, rest(alone)
+
+
+def _that_fit(
+    smaller: Iterator[Smaller], planning: float, max_seconds: float | None, tol: float | None
+) -> Iterator[tuple[str, float]]:
+    """Those that meet what was asked, and their seconds with the fifth kept in hand."""
+    for words, groups, rest in smaller:
+        try:
+            found = _found(groups, rest + planning, max_seconds, tol)
+        except ToleranceError:
+            continue
+        yield words, MARGIN * (rest + planning + sum(c.seconds for c in found))
 
 
 # ---- candidates
@@ -171,7 +219,7 @@ def _wave_candidates(scene: Scene, surface: Heightfield, on: Calibration, tol: f
     asked = [max(tol, LEAST_WAVE_TOL)] if tol else []
     iterated = "iterated-kirchhoff" in scene.wave.theory
     tolerances = sorted({*(ITERATED_TOLERANCES if iterated else WAVE_TOLERANCES), *asked}, reverse=True)
-    tried, known = variants(scene, surface), dict[str, Candidate]()
+    tried, known, usual = variants(scene, surface), dict[str, Candidate](), 1.0
     for method in methods:
         few = method != "nufft" and len(methods) > 1
         for tolerance in [t for t in tolerances if not few or t in SOME or t == tol]:
@@ -184,6 +232,10 @@ def _wave_candidates(scene: Scene, surface: Heightfield, on: Calibration, tol: f
                     whole = replace(known[variant.words], settings=settings, error=error)
                 else:
                     whole = known[variant.words] = _wave_candidate(scene, surface, on, settings)
+                if "wave.window_um" not in variant.settings:
+                    usual = whole.speckle or 0.0
+                else:
+                    whole = replace(whole, added=max((whole.speckle or 0.0) ** 2 - usual**2, 0.0) ** 0.5)
                 if variant.error > whole.error:
                     whole = replace(whole, error=min(variant.error, 1.0), why=variant.why)
                 yield whole
@@ -277,7 +329,7 @@ def _most_accurate(groups: list[list[Candidate]], seconds: float) -> list[Candid
         return None
     open_ = set(range(len(ladders)))
     while open_:
-        worst = max(open_, key=lambda g: ladders[g][at[g]].error)
+        worst = max(open_, key=lambda g: total_error(ladders[g][at[g]]))
         spent = sum(ladder[i].seconds for g, (ladder, i) in enumerate(zip(ladders, at)) if g != worst)
         better = at[worst] + 1
         if better < len(ladders[worst]) and spent + ladders[worst][better].seconds <= seconds:
@@ -297,8 +349,8 @@ def _ladder(group: list[Candidate]) -> list[Candidate]:
 
 
 def total_error(c: Candidate) -> float:
-    """Numerical error and, where windows were left out, their speckle."""
-    return c.error if _whole(c) else (c.error**2 + (c.speckle or 0.0) ** 2) ** 0.5
+    """Numerical error and the speckle that is added, where windows were left out or patches made larger."""
+    return (c.error**2 + (c.added if _whole(c) else c.speckle or 0.0) ** 2) ** 0.5
 
 
 # ---- words
@@ -324,7 +376,9 @@ def _refusal(groups: list[list[Candidate]], found: list[Candidate], rest: float,
     reached = _most_accurate(groups, seconds / MARGIN - rest)
     instead = "nothing at all can be done"
     if reached is not None:
-        instead = f"an error of {percent(max(c.error for c in reached))} is reached"
+        fewer = [f"windows = {c.settings['wave.windows']}" for c in reached if not _whole(c)]
+        speckled = f", its speckle included ({fewer[0]})" if fewer else ""
+        instead = f"an error of {percent(min(max(total_error(c) for c in reached), 1.0))} is reached{speckled}"
     stays = [c.speckle for c in found if c.speckle is not None and c.speckle > tol]
     noise = (
         f". Speckle of {percent(max(stays))} stays at that: more surface, not more effort, brings it down"

@@ -100,7 +100,7 @@ def _windows(scene: Scene, surface: Heightfield) -> Iterator[Variant]:
     usual = places_of(scene, surface, asked).window_um
     for wider in WIDER if asked is None else (1.0,):
         try:
-            places = places_of(scene, surface, asked or usual * wider)
+            places = places_of(scene, surface, asked or (float(f"{usual * wider:.3g}") if wider > 1 else usual))
         except InputError:  # larger than the surface
             return
         hits = [second_hits(surface, places.windows, places.length_um, wi, 0) for wi in incoming.vectors]
