@@ -30,6 +30,9 @@ from .shift import fit_global_shift, fit_local_shift
 
 _SPECTRAL = {"theta_i", "theta_o", "cell", "wavelength"}
 _AXES = ("theta_i", "theta_o", "wavelength")
+# of each result: what pairs are compared by, and the reflected energies that a simulation has summed up
+_KEPT = ("brdf", "brdf_stderr", "energy_reflected", "energy_reflected_stderr", "renormalisation", "energy_by_bounce",
+         "rays")  # fmt: skip
 _NAMES = {
     "result": "name of the result",
     "pair": "two results, the second is the reference",
@@ -114,7 +117,7 @@ def _split(results: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
     """Results with a further dimension, as several theories or polarisations, become one result for each entry."""
     found: dict[str, xr.Dataset] = {}
     for name, data in results.items():
-        data = data[[v for v in ("brdf", "brdf_stderr") if v in data]]
+        data = data[[v for v in _KEPT if v in data]]
         further = [d for d in data["brdf"].dims if d not in _SPECTRAL]
         for index in np.ndindex(*(data.sizes[d] for d in further)):
             chosen: dict[Hashable, int] = dict(zip(further, index))

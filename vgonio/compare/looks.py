@@ -12,10 +12,18 @@ from numpy.typing import NDArray
 from ..dataset import ascending, takes_nodes
 from ..errors import VgonioError
 from ..units import radians
+from .cells import integrated
 from .drawn_errors import standard_errors
 from .gloss import RECEPTORS_DEG, Reading, gloss, haze, luminous_weights
 from .metrics import labelled
-from .reflectances import SPECULAR_DEG, hemisphere_rule, integrated, reflectance, total_integrated_scatter
+from .reflectances import (
+    ENERGIES,
+    OWN_CONE,
+    SPECULAR_DEG,
+    hemisphere_rule,
+    reflectance,
+    total_integrated_scatter,
+)
 
 Floats = NDArray[np.float64]
 Row = dict[str, Any]
@@ -23,7 +31,10 @@ Row = dict[str, Any]
 READINGS = {f"gloss_{a:.0f}": (f"gloss {a:g}° (ISO 2813)", "GU") for a in RECEPTORS_DEG} | {
     "haze_20": ("haze 20° (ISO 13803)", "HU")
 }
-SHARES = {"reflectance": ("reflectance", "1"), "tis": ("total integrated scatter", "1")}
+SHARES = {
+    "reflectance": ("reflectance", "1"),
+    "tis": (f"total integrated scatter outside of {SPECULAR_DEG:g}° about the mirror direction", "1"),
+}
 
 
 def looks(data: xr.Dataset) -> tuple[xr.Dataset, dict[str, str]]:
@@ -32,7 +43,8 @@ def looks(data: xr.Dataset) -> tuple[xr.Dataset, dict[str, str]]:
     data : a BRDF over theta_i, theta_o or cell, and wavelength, or a fit of `fit_model`
     gloss_20, gloss_60, gloss_85, haze_20 : scalars, with …_stderr, which follows from brdf_stderr, and
         …_interpolation, the error from the angles in between
-    reflectance, tis : (theta_i), luminous means over the wavelengths, with …_stderr
+    reflectance, tis : (theta_i), luminous means over the wavelengths, with …_stderr, and …_interpolation, the
+        error from the directions in between, or of the energies that a simulation has summed up
     A standard error is absent where brdf_stderr is.
     """
     found: dict[str, xr.DataArray] = {}
@@ -66,7 +78,10 @@ def _share(name: str, found: xr.DataArray, data: xr.Dataset) -> dict[str, xr.Dat
     weight = luminous_weights(found["wavelength"].values)
     mean = xr.DataArray(found.values @ weight, {"theta_i": found["theta_i"]}, ("theta_i",))
     made = {name: labelled(mean, name, "1", f"{found.attrs['long_name']}, luminous mean")}
-    if data.attrs.get("method") != "fit":
+    error = np.asarray(found["error"].values) @ weight
+    text = f"error of {name} from the directions in between, or of the energies"
+    made[f"{name}_interpolation"] = labelled(mean.copy(data=error), "", "1", text)
+    if data.attrs.get("method") != "fit" and found.attrs["source"] not in (ENERGIES, OWN_CONE):
         data = ascending(data)
         rows, rule = hemisphere_rule(data)
         specular = hemisphere_rule(data, float(radians(SPECULAR_DEG)))[1] if name == "tis" else None

@@ -24,9 +24,9 @@ Floats = NDArray[np.float64]
 Figure = Callable[[Floats, Floats], Floats]  # of what lies inside and outside of a cone about the mirror direction
 Curve = Callable[[Floats, Floats, Floats], Floats]  # f between its directions
 LARGEST_ERROR = 0.2  # of the integral: beyond it no figure is given
-SMALLEST_ERROR = 0.003  # of a share of the reflected light: below it the share is told, however small it is
+SMALLEST_ERROR = 0.01  # of all reflected light: a share that is known so well is told, however small it is
 POINTS = 12  # of Gauss–Legendre in each interval between directions
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(POINTS)
+_NODES, _WEIGHTS = (np.asarray(v, np.float64) for v in np.polynomial.legendre.leggauss(POINTS))
 _TINY = 1e-12  # of the largest value: what is darker, or negative by noise, counts as that where a logarithm is needed
 
 
@@ -44,9 +44,12 @@ class Plane:
 
     def folded(self) -> tuple[Floats, Floats]:
         """(m,) rad ≥ 0 and (m, n_λ) mean f of both sides."""
-        theta, place = np.unique(np.round(np.abs(self.theta), 9), return_inverse=True)
-        count = np.bincount(place)
-        return theta, np.stack([np.bincount(place, column) / count for column in self.f.T], axis=1)
+        angles = np.asarray(np.round(np.abs(self.theta), 9), np.float64)
+        theta, place = np.unique(angles, return_inverse=True)
+        count = np.bincount(place).astype(np.float64)
+        total = np.zeros((theta.size, self.f.shape[1]))
+        np.add.at(total, place, self.f)
+        return theta, total / count[:, None]
 
     def side(self, sign: int) -> tuple[Floats, Floats]:
         """The same of one side of the normal alone."""
@@ -89,7 +92,7 @@ def outside(plane: Plane, cone: float, energy: Floats | None = None) -> Integral
     if energy is not None:
         return Integral(np.minimum(of_known.value, 1.0), of_known.error, of_known.unresolved)
     # light that cones smear to the outside is missing inside: the share alone changes less than what it is made of
-    found = _integral(plane, lambda inside, beyond: beyond / (inside + beyond), cone, SMALLEST_ERROR)
+    found = _integral(plane, lambda inside, beyond: beyond / np.maximum(inside + beyond, 1e-300), cone, SMALLEST_ERROR)
     return Integral(found.value, np.maximum(found.error, of_known.error), found.unresolved or of_known.unresolved)
 
 
@@ -103,7 +106,8 @@ def unresolved_words(plane: Plane, of_cones: bool) -> str:
     """Why an integral is refused, and what helps."""
     theta = plane.folded()[0]
     step = np.degrees(np.diff(theta[:3]).max()) if theta.size > 2 else 90.0
-    finer = np.degrees(plane.half) if plane.half > 0 and np.degrees(plane.half) < 0.99 * step else step / 4
+    half = np.degrees(plane.half)
+    finer = half if 0 < half < 0.99 * step else step / 2
     energies = ", or let the simulation sum it up (rays; waves with energy = true)" if of_cones else ""
     return (
         f"the lobe is narrower than the step of θ_o about the mirror direction, {step:.3g}°, tells: take a step of "
