@@ -287,21 +287,25 @@ def test_workers_that_cannot_be_started_are_one_line(study_file, monkeypatch, ca
 
 
 def test_a_cluster_of_our_own_is_patient(study_file, monkeypatch):
-    """A worker that is silent, as while the machine sleeps, is not lost; nothing of it stays in Dask's settings."""
+    """A worker that is silent, as while the machine sleeps, is not lost, nor one that was killed and takes its time to
+    begin anew; a sweep whose workers never come back ends. Nothing of it stays in Dask's settings."""
     import dask
     import distributed
+    from dask.utils import parse_timedelta
 
     found: list[Any] = []
 
     class Watched(distributed.LocalCluster):
         def __init__(self, **options: Any) -> None:
             super().__init__(**options)
-            found.append((self.scheduler.worker_ttl, self.scheduler.allowed_failures))
+            given_up = parse_timedelta(dask.config.get("distributed.deploy.lost-worker-timeout"))
+            found.append((self.scheduler.worker_ttl, self.scheduler.allowed_failures, given_up >= 600))
+            assert 60 < parse_timedelta(dask.config.get("distributed.scheduler.no-workers-timeout")) < given_up
 
     monkeypatch.setattr(distributed, "LocalCluster", Watched)
     before = dask.config.get("distributed.scheduler.worker-ttl")
     sweep(study_file('[vary]\n"surface.generate.seed" = [1]'), workers=1)
-    assert found == [(None, 3)]
+    assert found == [(None, 3, True)]
     assert dask.config.get("distributed.scheduler.worker-ttl") == before
     assert before is not None
 

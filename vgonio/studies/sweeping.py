@@ -29,8 +29,14 @@ IN_FLIGHT = 4  # points a thread: enough to keep it busy, few enough for the sch
 DEATHS = 3
 SETTINGS = {"distributed.scheduler.allowed-failures": DEATHS}
 # Of a cluster on this machine: processes are waited for however busy it is, and one is lost when it has ended, not when
-# it has long been silent, as it is while the machine sleeps or a job is stopped.
-OF_OUR_OWN = {"distributed.scheduler.worker-ttl": None, "distributed.comm.timeouts.connect": "120s"}
+# it has long been silent, as it is while the machine sleeps or a job is stopped. One that was killed begins anew: Dask
+# gives it up after 15 s, and without a last one a sweep would wait for ever.
+OF_OUR_OWN = {
+    "distributed.scheduler.worker-ttl": None,
+    "distributed.scheduler.no-workers-timeout": "10 minutes",
+    "distributed.deploy.lost-worker-timeout": "1 hour",
+    "distributed.comm.timeouts.connect": "120s",
+}
 ANSWER_SECONDS = 30
 
 
