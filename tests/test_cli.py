@@ -459,7 +459,7 @@ def test_a_missing_package_is_named(scene, monkeypatch, capsys):
 def test_an_internal_error_is_status_1_and_one_line(scene, monkeypatch, capsys):
     import vgonio.planning
 
-    monkeypatch.setattr(vgonio.planning, "plan", lambda *_: 1 / 0)
+    monkeypatch.setattr(vgonio.planning, "plan", lambda *_, **__: 1 / 0)
     assert main(["plan", str(scene)]) == 1
     said = capsys.readouterr().err
     assert said.startswith("vgonio: internal error: ZeroDivisionError")
