@@ -20,6 +20,11 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 RECORDS = ROOT / "out" / "validated.json"
 YARDSTICK_SECONDS = 0.0345  # of the fixture `pace`, on one free core of the machine of vgonio.accuracy.built_in
+# files that take long, or wait for the network or for other processes: first, so that no worker ends with one of them
+FIRST = (
+    "packaging", "test_notebooks.py", "test_docs.py", "test_docs_run.py", "test_benchmarks.py", "hardening", "studies",
+    "planning/test_forecast.py", "render/test_normbox", "test_examples.py", "test_left_out.py", "wave/iterated",
+)  # fmt: skip
 # plans are those of any machine, not of the one somebody has calibrated; what is about calibrations sets its own
 os.environ["VGONIO_CALIBRATION"] = "off"
 
@@ -162,6 +167,16 @@ def circumstances() -> dict[str, str]:
         "commit": commit,
         "machine": f"{about['processor']}, {about['processors']} processors, {platform.system()}",
     }
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files in the order of FIRST, all others after them as they were; by path alone, the same for every worker."""
+
+    def place(item: pytest.Item) -> int:
+        path = os.path.relpath(item.path, ROOT / "tests")
+        return next((k for k, first in enumerate(FIRST) if path.startswith(first)), len(FIRST))
+
+    items.sort(key=place)
 
 
 def pytest_configure(config: pytest.Config) -> None:
