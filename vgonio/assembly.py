@@ -63,7 +63,9 @@ def prepared_surface(scene: Scene, source: Heightfield | None = None) -> Heightf
     if asked.crop_um is not None:
         made = made.cropped(asked.crop_um)
     if asked.outliers is not None:
-        made = surface.remove_outliers(made, asked.outliers)
+        before, made = made.missing, surface.remove_outliers(made, asked.outliers)
+        if made.missing > before and asked.fill == "error":
+            raise _marked(made, before, asked.outliers)
     if made.missing:
         if asked.fill == "error":
             made.require_complete()
@@ -74,6 +76,16 @@ def prepared_surface(scene: Scene, source: Heightfield | None = None) -> Heightf
     if asked.filter is not None and (asked.filter.s_um or asked.filter.l_um):
         made = surface.gaussian_filter(made, s_um=asked.filter.s_um, l_um=asked.filter.l_um)
     return made
+
+
+def _marked(made: Heightfield, before: int, limit: float) -> InputError:
+    """That the outlier filter left points missing which nothing fills."""
+    also = f", beside {before} that the file lacks" if before else ""
+    return InputError(
+        f"surface.outliers = {limit:g} marks {made.missing - before} of {made.z.size} points of "
+        f"{made.name or 'the surface'} as missing{also}, and nothing says what they get: add "
+        'fill = "interpolate" to [surface], or take a larger outliers'
+    )
 
 
 # ---- light, detector, material

@@ -18,6 +18,8 @@ from .units import degrees, radians
 Floats = NDArray[np.float64]
 #: Least full angle of a detector cone: below, the solid angle 2π(1 − cos a) is lost in rounding.
 MIN_APERTURE_DEG = 1e-4
+#: Angles between these are probably in radians: up to π/2, and not so small that they are next to the normal.
+RADIANS = (0.1, 1.6)
 #: What `polarisation` of the light may be; s and p as CONVENTIONS.md has them.
 POLARISATIONS = ("unpolarised", "s", "p")
 
@@ -47,6 +49,23 @@ def _numbers(values: ArrayLike, name: str, unit: str, one: str) -> Floats:
     if a.size == 0:
         raise InputError(f"{name} is empty: give at least one {one}")
     return a
+
+
+def like_radians(values: ArrayLike, name: str) -> str:
+    """A line where angles in degrees were probably given in radians, as [0, 0.5236, 1.047]; "" where not.
+
+    theta_i_deg : none beyond π/2, and some that are no whole numbers. Of detectors, "theta_o_deg", that is a narrow
+    scan as well: there half of them or more have to be whole degrees in radians and one above 1.
+    """
+    size = np.abs(np.asarray(values, float))
+    size = size[size > 0]
+    if size.size == 0 or not RADIANS[0] <= size.max() <= RADIANS[1] or np.all(size == np.round(size)):
+        return ""
+    whole = np.abs(np.rad2deg(size) - np.round(np.rad2deg(size))) < 0.03
+    if name != "theta_i_deg" and (size.max() < 1 or np.mean(whole) < 0.5):
+        return ""
+    meant = f"{np.rad2deg(size.max()):.3g}°"
+    return f"{name} goes up to {size.max():.4g}°: are these radians ({meant})? degrees are expected"
 
 
 def _distinct(a: Floats, name: str, one: str) -> Floats:

@@ -17,7 +17,7 @@ import xarray as xr
 
 from . import assembly
 from .dataset import versions
-from .errors import InputError
+from .errors import InputError, ToleranceError
 from .files import PAGE_ENDINGS, RESULT_ENDINGS
 from .memory import Watch
 from .planning import Plan, check_output, check_outputs, plan_of, with_folder
@@ -66,6 +66,8 @@ def simulate(
     with run.part("surface"):
         inputs = assembly.gather(checked)
     checked, plan = plan_of(checked, inputs, max_seconds, tol)
+    if plan.refused:
+        raise ToleranceError(plan.refused)
     if planned is not None:
         planned(plan)
     tree = xr.DataTree()  # without a name: a title may hold what a name must not

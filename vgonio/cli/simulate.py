@@ -94,6 +94,9 @@ def _tell(tree: Any) -> None:
     """What was simulated: the surface in a line, error and seconds of each part."""
     columns = ("part", "seconds", "error asked", "error achieved", "backend")
     print(_imported(tree) or tree.attrs["title"])
+    for stage in json.loads(tree.attrs["plan"])["stages"]:
+        if stage["name"] in ("outliers", "fill") and stage["needed"]:
+            print(f"{stage['name']}: {stage['why']}")
     print_table("", columns, [list(r.values()) for r in _parts(tree)])
 
 
@@ -170,6 +173,8 @@ def plan(
     if as_json:
         print_json(made.to_dict())
         return
+    if made.refused:
+        print(made.refused_in_words)
     print_table(f"Plan of {made.title}", *made.table(), width=PIPED)
     if made.alternatives:
         print()

@@ -118,6 +118,7 @@ def make(
     """
     from .. import surface
     from ..scene import GENERATORS, check_generator, parse_override
+    from ..surface.plausible import warn_implausible
 
     if list_kinds:
         print_table("", ("kind", "parameter", "default", "what it is"), _kinds([kind] if kind else GENERATORS))
@@ -133,7 +134,9 @@ def make(
             raise InputError(f"--set {text!r}: a parameter of {kind} has no dots")
         given[keys[0]] = value
     check_generator({"kind": kind, **given})
-    _write(getattr(surface, kind)(**given), output)
+    made = getattr(surface, kind)(**given)
+    _write(made, output)
+    warn_implausible(made, generated=True)
 
 
 def _kinds(kinds: Iterable[str]) -> list[tuple[str, ...]]:

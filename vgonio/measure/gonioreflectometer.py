@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
+import warnings
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import xarray as xr
 
 from ..dataset import check
-from ..directions import Detector, Incoming
-from ..errors import InputError
+from ..directions import Detector, Incoming, angle_list, like_radians
+from ..errors import InputError, VgonioWarning
 from ..surface.heightfield import Heightfield
 
 
@@ -30,7 +31,8 @@ class Gonioreflectometer:
     phi_i_deg : azimuth of the plane of incidence;  divergence_deg : full angle of the source's cone
     polarisation : "unpolarised", "s" or "p"
 
-    Raises InputError for empty lists, angles of 90° and beyond, and lengths or apertures that are not positive.
+    Raises InputError for empty lists, angles of 90° and beyond, and lengths or apertures that are not positive;
+    warns of angles that look like radians.
     """
 
     theta_i_deg: Any
@@ -44,6 +46,11 @@ class Gonioreflectometer:
 
     def __post_init__(self) -> None:
         _ = self.incoming, self.detector  # both check what they are given
+        for name in ("theta_i_deg", "theta_o_deg"):
+            values = getattr(self, name)
+            told = "" if values is None else like_radians(angle_list(values, name), name)
+            if told:
+                warnings.warn(told, VgonioWarning, stacklevel=3)
 
     @classmethod
     def hemisphere(cls, theta_i_deg: Any, resolution_deg: float = 5.0, **light: Any) -> Gonioreflectometer:

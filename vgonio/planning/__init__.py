@@ -16,15 +16,16 @@ from typing import Any
 
 from .. import assembly
 from ..accuracy.calibrating import Calibration, calibration
-from ..errors import ToleranceError
+from ..errors import ToleranceError, VgonioError
 from ..scene import Scene, load_scene
 from . import stages
-from .cautions import warnings_of
+from .cautions import refusal, warnings_of
 from .forecast import LEAST_WAVE_TOL, Forecast
 from .outputs import check_output, check_outputs, with_folder
 from .parts import forecasts
 from .plans import Plan, Stage
 from .sizes import detector_elements, refinement, result_groups
+from .slips import suspected
 
 __all__ = [
     "Plan",
@@ -71,6 +72,16 @@ def plan_of(
     first_look : at some rays, where only they tell what their error will be
     new_process : as `plan`;  on : the machine, by default this one with the threads of this process
     """
+    try:
+        return _plan_of(scene, inputs, max_seconds, tol, first_look, new_process, on)
+    except VgonioError as e:
+        raise type(e)(suspected(scene, inputs, str(e))) from None
+
+
+def _plan_of(
+    scene: Scene, inputs: assembly.Inputs, max_seconds: float | None, tol: float | None,
+    first_look: bool, new_process: bool, on: Calibration | None,
+) -> tuple[Scene, Plan]:  # fmt: skip
     if scene.wave is not None and scene.wave.tol < LEAST_WAVE_TOL:
         least = f"double precision gives {LEAST_WAVE_TOL:g} at best: take wave.tol = {LEAST_WAVE_TOL:g} or more"
         raise ToleranceError(f"wave.tol = {scene.wave.tol:g} cannot be met: {least}")
@@ -86,7 +97,7 @@ def plan_of(
         expected = _with_left_out(scene, expected, *chosen.left_out)
     found = [
         *stages.start_stages(new_process),
-        *stages.surface_stages(scene, inputs.source),
+        *stages.surface_stages(scene, inputs.source, inputs.surface),
         *stages.ray_stages(scene, inputs.surface),
         *stages.wave_stages(scene, inputs.surface),
         *stages.verdict_stages(scene),
@@ -99,6 +110,7 @@ def plan_of(
         str(on),
         chosen.settings if chosen else {},
         chosen.alternatives if chosen else (),
+        suspected(scene, inputs, refusal(scene, expected)),
     )
     return scene, made
 

@@ -11,6 +11,7 @@ from ..assembly import Inputs, gonioreflectometer, rays, wave_groups
 from ..scene import Light, Scene
 from ..validity import wave_warnings
 from .forecast import Forecast
+from .slips import slips
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,7 +22,7 @@ MOST_TRIED = 10**6  # points of a surface that is meshed for a warning, 0.5 s
 
 
 def warnings_of(scene: Scene, inputs: Inputs, expected: Mapping[str, Forecast]) -> list[str]:
-    found: list[str] = []
+    found = slips(scene, inputs)
     scalar = [t for t in scene.wave.theory if t != "full-wave"] if scene.wave is not None else []
     if inputs.surface is not None and scene.wave is not None and scalar:
         found += wave_warnings(inputs.surface, scalar, scene.light, _largest_theta_o(scene), scene.wave.shadowing)
@@ -64,10 +65,21 @@ def _long(scene: Scene, expected: Mapping[str, Forecast]) -> list[str]:
 
     groups = [name for name, theory in wave_groups(scene).items() if theory in THEORIES]
     seconds = sum(expected[name].seconds for name in groups if name in expected)
-    if seconds <= forecast.WARN_SECONDS:
+    if seconds <= forecast.WARN_SECONDS or refusal(scene, expected):
         return []
-    refused = f"; more than {forecast.MOST_SECONDS / 3600:.0f} h are refused" if seconds > forecast.MOST_SECONDS else ""
-    return [f"waves: {forecast.remedy(seconds)}{refused}"]
+    return [f"waves: {forecast.remedy(seconds)}"]
+
+
+def refusal(scene: Scene, expected: Mapping[str, Forecast]) -> str:
+    """Why `simulate` will not begin a scene: scalar waves of more than a day; "" where it will."""
+    from ..wave import forecast
+    from ..wave.theories import THEORIES
+
+    seconds = [expected[n].seconds for n, t in wave_groups(scene).items() if t in THEORIES and n in expected]
+    longest = max(seconds, default=0.0)
+    if longest <= forecast.MOST_SECONDS:
+        return ""
+    return f"waves: {forecast.remedy(longest)}; at most {forecast.MOST_SECONDS / 3600:.0f} h are begun"
 
 
 def _largest_theta_o(scene: Scene) -> float:

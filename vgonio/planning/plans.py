@@ -41,6 +41,7 @@ class Plan:
 
     machine : whose speeds the seconds are;  chosen : settings taken for `max_seconds` and `tol`, by key of the scene
     alternatives : what other settings would have cost, rows of settings, seconds and error
+    refused : why `simulate` will not begin it, "" where it will
     """
 
     title: str
@@ -49,6 +50,7 @@ class Plan:
     machine: str = ""
     chosen: Mapping[str, Any] = field(default_factory=dict)
     alternatives: tuple[Mapping[str, Any], ...] = ()
+    refused: str = ""
 
     def needs(self, name: str) -> bool:
         """Is the stage of that name done? False as well for a stage that is not in the plan."""
@@ -84,6 +86,11 @@ class Plan:
             return between(max(known, least), most)
         return "" if self.error is None else percent(self.error)
 
+    @property
+    def refused_in_words(self) -> str:
+        """That `simulate` will not begin the scene, and why."""
+        return f"REFUSED: simulate will not begin this scene: {self.refused}" if self.refused else ""
+
     def choices(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         """Columns and cells of the settings that were chosen and those that were not."""
         rows: list[tuple[str, ...]] = []
@@ -110,6 +117,7 @@ class Plan:
         return {
             "title": self.title,
             "stages": self.rows(),
+            "refused": self.refused,
             "warnings": list(self.warnings),
             "seconds": self.seconds,
             "loading": self.loading,
@@ -145,7 +153,8 @@ class Plan:
         cells = [columns, *rows]
         order = (0, 1, 2, 3, 4, 6, 5)
         widths = [max(len(row[i]) for row in cells) for i in order[:-1]]
-        lines = [f"Plan of {self.title}"]
+        lines = [self.refused_in_words] if self.refused else []
+        lines += [f"Plan of {self.title}"]
         lines += ["  ".join([*(row[i].ljust(w) for i, w in zip(order, widths)), row[5]]).rstrip() for row in cells]
         lines += [f"times: {self.machine}"] if self.machine else []
         return "\n".join([*lines, *(f"warning: {w}" for w in self.warnings)])

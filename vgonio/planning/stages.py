@@ -13,6 +13,7 @@ from ..validity import expectations, outside_of_the_table
 from .forecast import Forecast
 from .plans import Stage, duration
 from .sizes import FEWEST_FOR_SHIFT, detector_elements, refinement, result_groups
+from .slips import step_of
 
 # endings that vgonio reads by itself; everything else goes through SurfaceTopography
 OWN_FORMATS = (".npz", ".vgms", ".txt", ".asc", ".csv")
@@ -63,7 +64,7 @@ def _left_out(names: Iterable[str], why: str) -> list[Stage]:
     return [Stage(name, False, why) for name in names]
 
 
-def surface_stages(scene: Scene, source: Heightfield | None) -> list[Stage]:
+def surface_stages(scene: Scene, source: Heightfield | None, surface: Heightfield | None) -> list[Stage]:
     if scene.surface is None or source is None:
         return _left_out(("read surface", "generate surface"), "the scene has no [surface]")
     from ..surface import describe_import
@@ -78,13 +79,14 @@ def surface_stages(scene: Scene, source: Heightfield | None) -> list[Stage]:
     level = assembly.levelling(scene, source)
     wanted = asked.filter is not None and (asked.filter.s_um or asked.filter.l_um)
     cut_offs = ", ".join(f"{k} = {v:g} µm" for k, v in (asked.filter or {}) if v) if wanted else ""
+    outliers = step_of(source, surface, "outliers: ")
+    filled = step_of(source, surface, "filled: ")
     unlevelled = 'level = "none"' if asked.level else "periodic and generated surfaces are level as they are"
     return [
         first,
         Stage("crop", asked.crop_um is not None, f"crop_um = {asked.crop_um}" if asked.crop_um else "no crop_um"),
-        Stage(
-            "fill", source.missing > 0, f"{source.missing} missing points" if source.missing else "no point is missing"
-        ),
+        Stage("outliers", asked.outliers is not None, outliers or "no outliers"),
+        Stage("fill", bool(filled), filled or "no point is missing"),
         Stage("level", level != "none", f"{level} removed" if level != "none" else unlevelled),
         Stage(
             "filter",

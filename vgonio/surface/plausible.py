@@ -13,8 +13,9 @@ from .heightfield import Heightfield
 # limits outside which a unit was probably misread: optical topography of scattering surfaces
 PITCH_UM = (1e-3, 100.0)
 SIDE_UM = (1.0, 20_000.0)
-SQ_UM = (1e-5, 200.0)
+SQ_UM = (1e-5, 100.0)
 RMS_SLOPE = 3.0
+GENERATED_SLOPE = 10.0  # gratings have walls; vertical ones do not count
 
 
 def describe_import(surface: Heightfield) -> str:
@@ -69,11 +70,26 @@ def rms_step_slope(surface: Heightfield) -> float:
     return steepest
 
 
-def warn_implausible(surface: Heightfield) -> None:
-    found = implausible(surface)
-    if found:
-        warnings.warn(
-            f"{surface.name or 'surface'} has {'; '.join(found)}: if a unit was misread, give pitch_um or height_unit",
-            VgonioWarning,
-            stacklevel=3,
-        )
+def implausible_in_words(surface: Heightfield, generated: bool = False) -> str:
+    """What is implausible, and what to do, in a line; "" where nothing is.
+
+    generated : the numbers were typed, not read: only heights out of all proportion are told
+    """
+    name = surface.name or "surface"
+    if not generated:
+        found = implausible(surface)
+        return f"{name} has {'; '.join(found)}: if a unit was misread, give pitch_um or height_unit" if found else ""
+    sq, slope = float(np.nanstd(surface.z)), rms_step_slope(surface)
+    steep = slope > GENERATED_SLOPE and surface.interpolation != "nearest"
+    if sq <= SQ_UM[1] and not steep:
+        return ""
+    return (
+        f"{name} has Sq of {sq:.4g} µm and an RMS slope of {slope:.3g} between neighbours: heights, lengths and "
+        f"pitch_um of a generated surface are in µm; is the unit right? ({sq:.3g} nm is {sq * 1e-3:.3g} µm)"
+    )
+
+
+def warn_implausible(surface: Heightfield, generated: bool = False) -> None:
+    told = implausible_in_words(surface, generated)
+    if told:
+        warnings.warn(told, VgonioWarning, stacklevel=3)

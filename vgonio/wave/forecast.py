@@ -46,7 +46,8 @@ def seconds(
 
 def remedy(expected: float) -> str:
     """How long, and what would make it less."""
-    long = f"{expected / 3600:.1f} h" if expected > 7200 else f"{expected / 60:.0f} min"
+    hours = f"{expected / 3600:.1f} h" if expected < 2 * MOST_SECONDS else f"{expected / MOST_SECONDS:,.0f} days"
+    long = hours if expected > 7200 else f"{expected / 60:.0f} min"
     return (
         f"about {long} of work on two cores: take fewer angles or wavelengths, a larger tol, fewer windows (a larger "
         "coherence_um, a part of the surface), or leave out shadowing"
