@@ -195,7 +195,14 @@ def _dataset_of(value: Any) -> Any:
 
 
 def check(data: xr.Dataset, what: str = "result") -> xr.Dataset:
-    """Raise FileFormatError unless `data` is one of our results: numbers over angles and wavelengths, none twice."""
+    """Raise FileFormatError unless `data` is one of our results: numbers over angles and wavelengths, none twice.
+
+    InputError for what is no dataset at all.
+    """
+    if not isinstance(data, xr.Dataset):
+        raise InputError(
+            f"{what}: a dataset with a BRDF is needed, of measure, read or open, not a {type(data).__name__}"
+        )
     dims = data["brdf"].dims if "brdf" in data else ()
     if not {"theta_i", "wavelength"} <= set(dims) or not {"theta_o", "cell"} & set(dims):
         raise FileFormatError(

@@ -27,9 +27,12 @@ GROUPS = ("rays", "waves", "measured", "comparison")
 def save(result: xr.DataTree | xr.Dataset, path: str | os.PathLike[str]) -> Path:
     """Write a result to NetCDF-4 under a temporary name beside `path`, then rename; returns the path.
 
-    A Dataset becomes the root group. Raises InputError for a name that does not end in .nc, .nc4 or .h5,
-    FileFormatError where the folder cannot be written.
+    A Dataset becomes the root group. Raises InputError for a name that does not end in .nc, .nc4 or .h5, or what is no
+    result, FileFormatError where the folder cannot be written.
     """
+    if not isinstance(result, (xr.DataTree, xr.Dataset)) or not isinstance(path, (str, os.PathLike)):
+        got = f"{type(result).__name__}, {type(path).__name__}"
+        raise InputError(f"save(result, path) takes a DataTree or Dataset and then a file name, got ({got})")
     path = Path(path)
     if path.suffix.lower() not in RESULT_ENDINGS:
         raise InputError(f"output {path.name!r}: the name has to end in {' or '.join(RESULT_ENDINGS)}")

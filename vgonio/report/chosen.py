@@ -21,6 +21,8 @@ def tree_of(result: Result) -> xr.DataTree:
     import xarray as xr
 
     if isinstance(result, xr.DataTree) and "brdf" not in result.data_vars:
+        for node in result.children.values():
+            _require_one_point(node)
         return result
     name = result.name if isinstance(result, xr.DataTree) else None
     return xr.DataTree.from_dict(results_of(result), name=name)
@@ -38,14 +40,29 @@ def results_of(result: Result) -> dict[str, xr.Dataset]:
         found = q.results(result)
         if not found:
             raise InputError(f"this result holds no BRDF: its groups are {', '.join(result.children) or 'none'}")
+        for group in found.values():
+            _require_one_point(group)
         return found
     data = result.to_dataset() if isinstance(result, xr.DataTree) else result
     if "brdf" not in data:
         raise InputError(
             f"a result with the variable 'brdf' is needed, got {', '.join(map(str, data.data_vars)) or 'no variables'}"
         )
+    _require_one_point(data)
     name = result.name if isinstance(result, xr.DataTree) else None
     return q.results(xr.DataTree.from_dict({name or _name(data): _whole(data)}))
+
+
+def _require_one_point(data: xr.Dataset | xr.DataTree) -> None:
+    """InputError for a BRDF over swept keys, which is that of many scenes."""
+    dims = data["brdf"].dims if "brdf" in data.data_vars else ()
+    further = [str(d) for d in dims if d not in ("theta_i", "theta_o", "cell", "wavelength")]
+    if further:
+        one = ", ".join(f"{d}=0" for d in further)
+        raise InputError(
+            f"this is the result of a sweep over {', '.join(further)}, and one point of it is needed here: take "
+            f"result.isel({one}), or plot_sweep for all"
+        )
 
 
 def _single(name: str, data: xr.Dataset) -> xr.Dataset:
