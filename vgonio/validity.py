@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from .wave.trust import Expectation
 
 CURVATURE_FACTOR = 10.0  # "much larger" of Beckmann and Spizzichino 1963: 4π r cos θ ≫ λ
+S_FILTER = re.compile(r"S-filter ([\d.eE+-]+) µm")  # as surface.filter writes it into the history
 FEW_WINDOWS = 10  # speckle of ten windows is a third of the BRDF
 
 
@@ -31,13 +33,18 @@ def curvature_radius_um(surface: Heightfield) -> float:
 
 
 def wave_warnings(
-    surface: Heightfield, theories: list[str], light: Any, largest_theta_o: float, shadowing: bool = False
+    surface: Heightfield,
+    theories: list[str],
+    light: Any,
+    largest_theta_o: float,
+    shadowing: bool = False,
+    material: str | None = None,
 ) -> list[str]:
     """One line for every criterion that the surface, the angles or the coherence length fail."""
     angles = max(float(np.max(np.abs(light.theta_i_deg))), largest_theta_o)
     once = not set(theories) <= {"iterated-kirchhoff", "full-wave"}
     found = [
-        *rigorous_warnings(surface, theories, light),
+        *rigorous_warnings(surface, theories, light, material),
         *(_steep(surface) if once else ()),
         *(_grazing(surface, angles) if once and not shadowing else ()),
         *(_curved(surface, float(np.max(np.abs(light.theta_i_deg))), max(light.wavelength_nm)) if once else ()),
@@ -58,49 +65,40 @@ def wave_warnings(
     return found
 
 
-def expectations(surface: Heightfield, theories: list[str], light: Any) -> list[Expectation]:
-    """The worst error to expect of each theory over the scene's angles and its shortest and longest wavelength."""
-    return [max(cases, key=lambda e: e.error[1]) for cases in _expected(surface, theories, light)]
+def expectations(
+    surface: Heightfield, theories: list[str], light: Any, material: str | None = None
+) -> list[Expectation]:
+    """What is worst for each theory over the scene's angles and its shortest and longest wavelength.
+
+    A case that no test is like is worse than any error.
+    """
+    found = _expected(surface, theories, light, material)
+    return [max(cases, key=lambda e: (e.basis == "none", e.error[1])) for cases in found]
 
 
-def _expected(surface: Heightfield, theories: list[str], light: Any) -> list[list[Expectation]]:
-    """For each theory of the table one for every angle and the shortest and longest wavelength; none for a plane."""
+def _expected(surface: Heightfield, theories: list[str], light: Any, material: str | None) -> list[list[Expectation]]:
+    """For each scalar theory one for every angle and the shortest and longest wavelength; none for a plane."""
     from .wave import trust
 
     grating = trust.equivalent_grating(surface)
     if grating[1] == 0:
         return []
-    ends = sorted({min(light.wavelength_nm), max(light.wavelength_nm)})
-    cases = [(float(t), float(w)) for t in sorted({abs(t) for t in light.theta_i_deg}) for w in ends]
+    ends = {w: trust.is_metal(material, w) for w in sorted({min(light.wavelength_nm), max(light.wavelength_nm)})}
+    cases = [
+        (float(t), float(w), metal) for t in sorted({abs(t) for t in light.theta_i_deg}) for w, metal in ends.items()
+    ]
     return [[trust.expected(t, *grating, *c) for c in cases] for t in theories if t in trust.THEORIES]
 
 
-def rigorous_warnings(surface: Heightfield, theories: list[str], light: Any) -> list[str]:
-    """Theories that are off by more than NOTABLE on rigorous gratings like this surface; none where none is like it."""
-    from .wave.trust import equivalent_grating
-
-    inside = [[e for e in cases if not e.outside] for cases in _expected(surface, theories, light)]
-    found = [max(cases, key=lambda e: e.error[1]) for cases in inside if cases]
-    shape, depth, period = equivalent_grating(surface)
-    return [
-        f"{e}; a {shape} grating of depth {depth:.3g} µm and period {period:.3g} µm was taken for it"
-        for e in found
-        if e.error[1] > NOTABLE
-    ]
-
-
-def outside_of_the_table(surface: Heightfield, theories: list[str], light: Any) -> str:
-    """Why rigorous gratings say little about this surface, in words; "" where they do say something."""
-    from .wave.trust import equivalent_grating
-
-    outside = {line for cases in _expected(surface, theories, light) for e in cases for line in e.outside}
-    if not outside:
-        return ""
-    shape, depth, period = equivalent_grating(surface)
-    return (
-        f"no rigorous grating is like this surface (as a {shape} one, depth {depth:.3g} µm, period {period:.3g} µm): "
-        f"{', '.join(sorted(outside))}"
-    )
+def rigorous_warnings(surface: Heightfield, theories: list[str], light: Any, material: str | None = None) -> list[str]:
+    """Theories that are off by more than NOTABLE on tested surfaces like this one, or that no test speaks for."""
+    found = []
+    for cases in _expected(surface, theories, light, material):
+        known = [e for e in cases if e.basis != "none"]
+        found += [max(known, key=lambda e: e.off)] if known else []
+        untested = [e for e in cases if e.basis == "none"]
+        found += [max(untested, key=lambda e: (e.theta_i_deg, -e.wavelength_nm))] if untested else []
+    return [str(e) for e in found if not e.off <= NOTABLE]
 
 
 def _steep(surface: Heightfield) -> list[str]:
@@ -136,18 +134,35 @@ def _curved(surface: Heightfield, largest_theta_i: float, wavelength_nm: float) 
 
 
 def _unresolved(surface: Heightfield, light: Any, largest_theta_o: float) -> list[str]:
-    """A smooth surface scatters by its spectral density at q; beyond the samples' it is the interpolant's."""
+    """What roughness between the samples may do, if light sees it: periods from λ over the largest |sin θ_i + sin θ_o|.
+
+    A smooth surface scatters there by its interpolant alone; on a rough one that was measured, what the instrument did
+    not resolve adds to it. A generated surface has no more than it was given.
+    """
     shortest = min(light.wavelength_nm) * 1e-3
-    smooth = 4 * np.pi * float(np.std(surface.z)) < shortest
-    reach = np.sin(np.deg2rad(largest_theta_o)) + np.max(np.abs(np.sin(np.deg2rad(light.theta_i_deg))))
-    resolved = shortest / (2 * max(surface.pitch_um))
-    grating = surface.periodic and surface.is_profile
-    if not smooth or reach <= resolved or grating or np.ptp(surface.z) == 0:
+    reach = float(np.sin(np.deg2rad(largest_theta_o)) + np.max(np.abs(np.sin(np.deg2rad(light.theta_i_deg)))))
+    finest = resolved_um(surface)
+    generated = any(line.startswith("generated") for line in surface.history)
+    if generated or reach <= shortest / finest or (surface.periodic and surface.is_profile) or np.ptp(surface.z) == 0:
+        return []
+    if 4 * np.pi * float(np.std(surface.z)) < shortest:
+        return [
+            f"roughness finer than {finest:g} µm is not in the samples: beyond "
+            f"|sin θ_i + sin θ_o| = {shortest / finest:.2g} (at {shortest * 1e3:g} nm) the scatter is the interpolant's"
+        ]
+    if not any(line.startswith("read ") for line in surface.history):
         return []
     return [
-        f"roughness finer than {2 * max(surface.pitch_um):g} µm is not in the samples: beyond "
-        f"|sin θ_i + sin θ_o| = {resolved:.2g} (at {shortest * 1e3:g} nm) the scatter is the interpolant's"
+        f"roughness finer than {finest:g} µm is not in this measured surface (pitch, filter), and light of "
+        f"{shortest * 1e3:g} nm sees it down to {shortest / reach:.2g} µm: on blasted metal 10 nm RMS of it decided "
+        "back-scattering and its colour, and made forward scattering reddish (docs/wavelength_shift.md)"
     ]
+
+
+def resolved_um(surface: Heightfield) -> float:
+    """The shortest period that a surface holds, µm: two samples, or the cut-off of an S-filter where that is more."""
+    cut = [float(c) for line in surface.history for c in S_FILTER.findall(line)]
+    return max([2 * max(surface.pitch_um), *cut])
 
 
 def _coherence(surface: Heightfield, coherence_um: float) -> list[str]:

@@ -212,6 +212,20 @@ def test_scatter_beyond_the_resolved_frequencies_is_warned_about(rng):
     assert "not in the samples" not in warnings_of(fine, theta_i_deg=[60])
 
 
+def test_what_an_instrument_did_not_resolve_is_warned_about_on_rough_surfaces_too(rng):
+    """A measured map of 0.44 µm and an S-filter of 1.5 µm at 500 nm; generated surfaces have no more than they show."""
+    rough = vg.surface.gaussian(rms_um=0.3, correlation_um=5, shape=(64, 64), pitch_um=0.44, seed=1)
+    assert "not in this measured surface" not in warnings_of(rough, theta_i_deg=[60])
+    seen = rough.replace(history=("read some.al3d",))
+    (line,) = (w for w in warnings_of(seen, theta_i_deg=[60]).split("\n") if "measured surface" in w)
+    assert line.startswith("roughness finer than 0.88 µm")
+    assert "back-scattering and its colour" in line
+    filtered = rough.replace(history=("read some.al3d", "ISO 16610-61 Gaussian S-filter 1.5 µm, L-filter 60 µm"))
+    assert "roughness finer than 1.5 µm" in warnings_of(filtered, theta_i_deg=[60])
+    fine = vg.surface.gaussian(rms_um=0.3, correlation_um=2, shape=(64, 64), pitch_um=0.1, seed=1)
+    assert "measured surface" not in warnings_of(fine.replace(history=("read some.al3d",)), theta_i_deg=[60])
+
+
 def test_harvey_shack_is_warned_about_far_from_the_normal():
     flat = Heightfield(np.zeros((64, 64)), 0.5)
     assert "q_z = 2k" in warnings_of(flat, ("harvey-shack",), theta_i_deg=[60])

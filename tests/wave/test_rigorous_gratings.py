@@ -114,7 +114,7 @@ def test_a_grating_stands_for_itself():
     found = trust.expected("kirchhoff", "sinusoidal", 0.1, 2.0, 31.0, 500.0)
     assert found.error[1] == pytest.approx(case.error["kirchhoff"], rel=1e-2)
     assert found.error[0] <= found.error[1] <= found.error[2]
-    assert found.outside == ()
+    assert (found.basis, found.beyond) == ("alike", ())
 
 
 def test_lamellar_and_gaussian_surfaces_have_their_gratings():
@@ -135,29 +135,28 @@ def test_plan_warns_with_the_table():
     (line,) = validity.rigorous_warnings(gentle, ["kirchhoff", "harvey-shack"], light([0, 58]))
     assert line.startswith("harvey-shack is likely off by ")
     assert "58°" in line
+    assert "of the light" in line  # errors say relative to what
 
 
-def test_beyond_the_table_no_error_is_told():
-    """Depth of 3 wavelengths, the table ends at a quarter: why, and no number; a nearer wavelength has its own."""
-    deep = vg.surface.sinusoid(period_um=5, amplitude_um=1, shape=(4, 300), pitch_um=0.1)
-    theories = ["kirchhoff", "harvey-shack"]
-    assert "depth/λ" in validity.outside_of_the_table(deep, theories, light([60]))
-    assert validity.rigorous_warnings(deep, theories, light([60])) == []
+def test_beyond_the_tables_no_error_is_told():
+    """80°, and a slope of 3.6: why, and no number; a nearer angle has its own."""
     gentle = vg.surface.sinusoid(period_um=5, amplitude_um=0.05, shape=(4, 1000), pitch_um=0.05)
-    (line,) = validity.rigorous_warnings(gentle, ["harvey-shack"], light([58, 75]))
-    assert "58°" in line  # 75° is beyond the table
-    assert "θ_i 75°" in validity.outside_of_the_table(gentle, ["harvey-shack"], light([58, 75]))
+    (line,) = validity.rigorous_warnings(gentle, ["kirchhoff"], light([58, 80]))
+    assert "no test is like this surface at θ_i = 80°" in line
+    assert "θ_i 80° is beyond the tested 70°" in line
+    steep = vg.surface.sinusoid(period_um=5, amplitude_um=4, shape=(4, 300), pitch_um=0.1)
+    (line,) = validity.rigorous_warnings(steep, ["kirchhoff"], light([0]))
+    assert "slope 3.6 is 3.5 times beyond the tested" in line
+    (worst,) = validity.expectations(steep, ["kirchhoff"], light([0]))
+    assert worst.basis == "none"
+    assert np.isnan(worst.off)
+    assert "no test" in worst.short
 
 
-def test_what_the_table_does_not_hold_is_said():
-    rough = vg.surface.gaussian(rms_um=1.0, correlation_um=5.0, shape=(64, 64), pitch_um=0.5, seed=1)
-    line = validity.outside_of_the_table(rough, ["kirchhoff"], light([80]))
-    assert "depth/λ" in line
-    assert "period/λ" in line
-    assert "θ_i 80°" in line
+def test_a_plane_is_like_nothing():
     flat = Heightfield(np.zeros((8, 8)), 1.0)
     assert validity.rigorous_warnings(flat, ["kirchhoff"], light()) == []
-    assert validity.outside_of_the_table(flat, ["kirchhoff"], light()) == ""
+    assert validity.expectations(flat, ["kirchhoff"], light()) == []
 
 
 def test_the_plan_has_a_line_for_it():
@@ -171,4 +170,4 @@ def test_the_plan_has_a_line_for_it():
     }  # fmt: skip
     stage = next(s for s in vg.plan(scene).stages if s.name == "expected error")
     assert stage.needed
-    assert "kirchhoff 0.0%" in stage.why
+    assert "kirchhoff likely 0.0% of the light" in stage.why

@@ -25,7 +25,9 @@ def warnings_of(scene: Scene, inputs: Inputs, expected: Mapping[str, Forecast]) 
     found = slips(scene, inputs)
     scalar = [t for t in scene.wave.theory if t != "full-wave"] if scene.wave is not None else []
     if inputs.surface is not None and scene.wave is not None and scalar:
-        found += wave_warnings(inputs.surface, scalar, scene.light, _largest_theta_o(scene), scene.wave.shadowing)
+        material = scene.material.name if scene.material is not None else None
+        largest = _largest_theta_o(scene)
+        found += wave_warnings(inputs.surface, scalar, scene.light, largest, scene.wave.shadowing, material)
         found += _cut_window(scene, inputs.surface)
         found += _long(scene, expected)
     if inputs.surface is not None and scene.geometric is not None and scene.light is not None:

@@ -1,40 +1,66 @@
-"""Which method of a result to trust at which angles, and why: the first line of the verdict.
+"""Which method of a result to trust at which angles, and why: the first lines of the verdict.
 
-From the summary of the surface, what the solvers remark and the measured ranges of docs/theory.md, docs/trust.md and
-docs/multiple_scattering.md; no threshold is made here.
+From the summary of the surface, what the solvers remark and the evidence of `wave.trust`, the same as the plan's;
+ranges are those of docs/theory.md, docs/trust.md and docs/multiple_scattering.md.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
 
-from ..wave import trust
+from ..wave import slightly_rough, trust
 from ..wave.iterated.limits import GRATING_PERIOD
+from ..wave.theories import THEORIES as SCALAR
+from . import evidence
 from . import quantities as q
+from .agreement import Agreement
 from .style import angle
 from .tables import first, number, percent
 
-# asked in this order, each judged on this surface: what has diffraction comes before rays. `compare.reference` ranks
-# without a judgement, and there what holds on more surfaces comes first
-RANK = ("full-wave", "iterated-kirchhoff", "generalized-harvey-shack", "kirchhoff", "harvey-shack", "rays")
+# asked in this order, each judged on this surface: what has diffraction comes before rays, and of the theories of
+# single reflections the one with the smallest error on tested surfaces like this one comes first. `compare.reference`
+# ranks without a judgement, and there what holds on more surfaces comes first
+RANK = ("full-wave", "iterated-kirchhoff", *SCALAR, "rays")
+# a measurement contradicts where its NRMSE is this many times what noise and the error of the theory explain, and above
+# half of the measurement's mean: below, cones, alignment and the sample's other places explain it as well
+CONTRADICTS, LEAST_CONTRADICTION = 3.0, 0.5
+SAME_OFF = 0.01  # errors on tested surfaces that differ by less do not rank two theories: the order of RANK does
+SAME_WIDTH_DEG = 30.0  # nor ranges of θ_o whose widths differ by less
+SAME_DEG = 10.0  # ranges of θ_o that differ by less are told as one
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """ok : whether to trust it here;  why : for or against"""
+    """ok : whether to trust it here;  why : for or against;  off : expected error, NaN where nothing says it
+
+    theta_o : signed directions to trust it in;  tests : the expectations it rests on
+    """
 
     ok: bool
     why: str
+    off: float = math.nan
+    theta_o: tuple[float, float] | None = None
+    tests: tuple[trust.Expectation, ...] = ()
+    outside: str = ""
+
+
+@dataclass
+class Advice:
+    """first : one sentence, which method to trust where;  more : what that rests on, and the other theories"""
+
+    first: str
+    more: list[str] = field(default_factory=list)
+    trusted: dict[str, dict[float, Judgement]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Ground:
-    """What a summary tells of a surface: Sq in µm, RMS slope along one axis, Beckmann's α, share that is steep."""
+    """What a summary tells of a surface: Sq in µm, RMS slope along the steeper axis, Beckmann's α, steep share."""
 
     sq: float
     slope: float
@@ -46,15 +72,16 @@ class Ground:
     @staticmethod
     def of(surface: xr.Dataset | None) -> Ground | None:
         """None without a summary, and where it lacks the parameters."""
-        if surface is None or not {"Sq", "Sdq", "alpha"} <= set(surface.attrs) or "slope_density" not in surface:
+        needed = {"Sq", "alpha", "alpha_x", "alpha_y"}
+        if surface is None or not needed <= set(surface.attrs) or "slope_density" not in surface:
             return None
         a = surface.attrs
         profile = bool(np.ptp(surface["z"].values, axis=0).max() == 0)
         steep = abs(surface["slope"]) > math.tan(math.radians(trust.STEEP_DEG))
         density = surface["slope_density"]
         share = float(density.where(steep, 0.0).sum() / max(float(density.sum()), 1e-300))
-        slope = float(a["Sdq"]) / (1.0 if profile else math.sqrt(2))
-        return Ground(float(a["Sq"]), slope, float(a["alpha"]), share, profile, a.get("interpolation") == "nearest")
+        walls = a.get("interpolation") == "nearest"
+        return Ground(float(a["Sq"]), trust.steepest_slope(a), float(a["alpha"]), share, profile, walls)
 
     @property
     def grating(self) -> tuple[str, float, float]:
@@ -68,40 +95,168 @@ class Ground:
 
 
 def recommendation(results: Mapping[str, xr.Dataset], surface: xr.Dataset | None) -> str | None:
-    """In one paragraph; None for a result without simulations."""
+    """The first sentence of `advice`."""
+    made = advice(results, surface)
+    return made.first if made else None
+
+
+def advice(
+    results: Mapping[str, xr.Dataset], surface: xr.Dataset | None, agreements: Sequence[Agreement] = ()
+) -> Advice | None:
+    """What to trust where; None for a result without simulations."""
     theories = {name: _theory(name, data) for name, data in results.items() if name != "measured"}
     known = sorted((n for n, t in theories.items() if t in RANK), key=lambda n: RANK.index(theories[n]))
     if not known:
         return None
     ground = Ground.of(surface)
-    trusted: dict[str, dict[float, str]] = {}
-    refused: dict[float, list[str]] = {}
+    judged: dict[float, dict[str, Judgement]] = {}
     for theta in sorted({float(t) for n in known for t in results[n]["theta_i"].values}):
-        against = []
-        for name in known:
-            if q.incidence(results[name], theta) is None:
-                continue
-            found = judge(theories[name], results[name], ground, results.get("rays"), theta)
-            if found.ok:
-                trusted.setdefault(name, {})[theta] = found.why
-                break
-            against.append(f"{q.in_words(name, results[name])}: {found.why}")
+        here = [n for n in known if q.incidence(results[n], theta) is not None]
+        judged[theta] = {n: judge(theories[n], results[n], ground, results.get("rays"), theta) for n in here}
+    trusted: dict[str, dict[float, Judgement]] = {}
+    refused: dict[float, dict[str, Judgement]] = {}
+    for theta, found in judged.items():
+        best = _best(found, theories)
+        if best:
+            trusted.setdefault(best, {})[theta] = found[best]
         else:
-            refused[theta] = against
-    everywhere = len(trusted) == 1 and not refused
-    parts = [
-        f"{'Trust' if i == 0 else 'trust'} {q.in_words(name, results[name])} at "
-        f"{'all θᵢ' if everywhere else 'θᵢ = ' + _angles(list(whys))}: {whys[max(whys, key=abs)]}"
-        for i, (name, whys) in enumerate(trusted.items())
-    ]
+            refused[theta] = found
+    parts = _trusted_parts(trusted, refused, results)
     if refused:
-        where = "" if not trusted else f" at θᵢ = {_angles(list(refused))}"
-        reasons = list(dict.fromkeys(line for lines in refused.values() for line in lines))
-        parts.append(
-            f"{'none of the methods' if trusted else 'None of the methods'} of this result may be trusted{where} "
-            f"({'; '.join(reasons)}). {_remedy(ground, set(theories.values()))}"
-        )
-    return "; ".join(parts).rstrip(".") + "."
+        parts.append(_refused_part(refused, results, bool(trusted), _remedy(ground, set(theories.values()))))
+    parts += _contradicted(trusted, results, agreements)
+    more = [*_evidence(trusted, ground), *_others(trusted, judged, theories, results, agreements)]
+    return Advice("; ".join(parts).rstrip(".") + ".", more, trusted)
+
+
+def _best(found: Mapping[str, Judgement], theories: Mapping[str, str]) -> str | None:
+    """The first of RANK that is fit, among theories of single reflections the one with the smallest expected error."""
+    fit = [name for name, j in found.items() if j.ok]
+    if not fit or theories[fit[0]] not in SCALAR:
+        return fit[0] if fit else None
+    once = [n for n in fit if theories[n] in SCALAR]
+    widest = max(_width(found[n]) for n in once)
+    once = [n for n in once if _width(found[n]) >= widest - SAME_WIDTH_DEG]
+    offs = {n: found[n].off if math.isfinite(found[n].off) else 0.0 for n in once}
+    return next(n for n in once if offs[n] <= min(offs.values()) + SAME_OFF)
+
+
+def _width(found: Judgement) -> float:
+    """Degrees of θ_o in which to trust it."""
+    low, high = found.theta_o or (-90.0, 90.0)
+    return high - low
+
+
+def _trusted_parts(
+    trusted: Mapping[str, Mapping[float, Judgement]], refused: Mapping[float, object], results: Mapping[str, xr.Dataset]
+) -> list[str]:
+    everywhere = len(trusted) == 1 and not refused
+    parts = []
+    for i, (name, found) in enumerate(trusted.items()):
+        where = "all θᵢ" if everywhere else "θᵢ = " + _angles(list(found))
+        worst = max(found.values(), key=lambda j: j.off if math.isfinite(j.off) else -1.0)
+        span = _spans({t: j.theta_o for t, j in found.items() if j.theta_o})
+        parts.append(f"{'trust' if i else 'Trust'} {q.in_words(name, results[name])} at {where}{span}: {worst.why}")
+    return parts
+
+
+def _refused_part(
+    refused: Mapping[float, Mapping[str, Judgement]], results: Mapping[str, xr.Dataset], some: bool, remedy: str
+) -> str:
+    where = f" at θᵢ = {_angles(list(refused))}" if some else ""
+    reasons = dict.fromkeys(
+        f"{q.in_words(n, results[n])}: {j.why}" for found in refused.values() for n, j in found.items()
+    )
+    who = "none of the methods" if some else "None of the methods"
+    return f"{who} of this result may be trusted{where} ({'; '.join(reasons)}). {remedy}"
+
+
+def _spans(ranges: Mapping[float, tuple[float, float]]) -> str:
+    """The directions to trust, one range where they are nearly the same at every θ_i."""
+    if not ranges:
+        return ""
+    low, high = max(r[0] for r in ranges.values()), min(r[1] for r in ranges.values())
+    if all(low - a <= SAME_DEG and b - high <= SAME_DEG for a, b in ranges.values()):
+        return f" for θₒ = {_span(low, high)}"
+    told = list(ranges) if len(ranges) < 4 else [min(ranges), max(ranges)]
+    return " for θₒ = " + ", ".join(f"{_span(*ranges[t])} (θᵢ = {angle(t)})" for t in told)
+
+
+def _span(low: float, high: float) -> str:
+    return f"{number(low, 2)} … {angle(round(high))}"
+
+
+def _contradicted(
+    trusted: Mapping[str, Mapping[float, Judgement]], results: Mapping[str, xr.Dataset], agreements: Sequence[Agreement]
+) -> list[str]:
+    """What the measurement says against the methods that are trusted, see CONTRADICTS."""
+    said = []
+    for pair in agreements:
+        name = next((n for n in pair.names if n in trusted), None)
+        if name is None or "measured" not in pair.names:
+            continue
+        off = max((j.off for j in trusted[name].values() if math.isfinite(j.off)), default=0.0)
+        explained = math.hypot(off, *(e for e in (pair.noise,) if math.isfinite(e)))
+        if pair.nrmse.value > max(CONTRADICTS * explained, LEAST_CONTRADICTION):
+            said.append(
+                f"but the measurement contradicts {q.in_words(name, results[name])}: NRMSE "
+                f"{percent(pair.nrmse.value)} of its mean, noise and theory explain {percent(explained)}; check that "
+                "it is of this sample, material and scale"
+            )
+    return said
+
+
+def _evidence(trusted: Mapping[str, Mapping[float, Judgement]], ground: Ground | None) -> list[str]:
+    """What the trust in a theory of single reflections rests on, a sentence for the most used one."""
+    told = []
+    for found in trusted.values():
+        tests = [e for j in found.values() for e in j.tests]
+        if tests and ground is not None:
+            told.append(evidence.rests_on(tests, ground.sq, ground.slope))
+        told += list(dict.fromkeys(j.outside for j in found.values() if j.outside))[-1:]
+    return told
+
+
+def _others(
+    trusted: Mapping[str, Mapping[float, Judgement]],
+    judged: Mapping[float, Mapping[str, Judgement]],
+    theories: Mapping[str, str],
+    results: Mapping[str, xr.Dataset],
+    agreements: Sequence[Agreement],
+) -> list[str]:
+    """Which other methods would do as well as the theory of single reflections that is trusted, and how they differ."""
+    chosen = next((n for n in trusted if theories[n] in SCALAR), None)
+    if chosen is None:
+        return []
+    said = []
+    rays = [found.get("rays") for t, found in judged.items() if t in trusted[chosen]]
+    if all(j is not None and j.ok for j in rays):
+        said.append(f"The rays would serve as well: {rays[0].why if rays[0] else ''}.")
+    for name in (n for n, t in theories.items() if t in SCALAR and n not in trusted):
+        both = [
+            (found[name], trusted[chosen][t]) for t, found in judged.items() if name in found and t in trusted[chosen]
+        ]
+        pair = next((p for p in agreements if set(p.names) == {name, chosen}), None)
+        if both:
+            words = (q.title(name, results[name]), q.in_words(chosen, results[chosen]))
+            said.append(_other(words, both, pair))
+    return said
+
+
+def _other(words: tuple[str, str], both: Sequence[tuple[Judgement, Judgement]], pair: Agreement | None) -> str:
+    """One theory beside the one that is trusted, both at the same angles; `words` name them."""
+    apart = f"; the two differ by {pair.median.percent} in the median here" if pair else ""
+    bad = next((a for a, _ in both if not a.ok), None)
+    if bad is not None:
+        return f"{words[0]} is not as good here: {bad.why}{apart}."
+    offs = [max((j.off for j in side if math.isfinite(j.off)), default=0.0) for side in zip(*both)]
+    narrower = min(_width(a) - _width(b) for a, b in both) < -SAME_WIDTH_DEG
+    apart_by = pair.median.value if pair and pair.median.known else 0.0
+    second = narrower or apart_by > max(trust.NOTABLE, *offs)
+    as_good = "comes second" if second else "would serve as well"
+    where = " (it holds in fewer directions)" if narrower else ""
+    tests = f"off by {percent(max(offs[0], 1e-3))} of the light in the same tests, {words[1]} by"
+    return f"{words[0]} {as_good}{where}: {tests} {percent(max(offs[1], 1e-3))}{apart}."
 
 
 def judge(theory: str, data: xr.Dataset, ground: Ground | None, rays: xr.Dataset | None, theta: float) -> Judgement:
@@ -124,7 +279,7 @@ def judge(theory: str, data: xr.Dataset, ground: Ground | None, rays: xr.Dataset
     nm = data["wavelength"].values
     if theory == "rays":
         return _rays(ground, float(nm.max()) * 1e-3, theta)
-    return _once(theory, ground, rays, theta, sorted({float(nm.min()), float(nm.max())}))
+    return _once(theory, data, ground, rays, theta, sorted({float(nm.min()), float(nm.max())}))
 
 
 def _rigorous(data: xr.Dataset) -> Judgement:
@@ -144,7 +299,9 @@ def _rays(ground: Ground, wavelength_um: float, theta: float) -> Judgement:
     return Judgement(True, f"features are {number(wide, 2)} wavelengths wide, so that diffraction matters little")
 
 
-def _once(theory: str, ground: Ground, rays: xr.Dataset | None, theta: float, nm: list[float]) -> Judgement:
+def _once(
+    theory: str, data: xr.Dataset, ground: Ground, rays: xr.Dataset | None, theta: float, nm: list[float]
+) -> Judgement:
     """Of a theory of single reflections."""
     many = _share(rays, theta)
     if ground.walls:
@@ -159,29 +316,37 @@ def _once(theory: str, ground: Ground, rays: xr.Dataset | None, theta: float, nm
         return Judgement(False, f"single reflections only, and {percent(shown)} {what}")
     if abs(theta) > ground.smith_deg:
         return Judgement(False, f"beyond {number(ground.smith_deg, 2)}° shadows matter")
-    expected = [trust.expected(theory, *ground.grating, theta, w) for w in nm]
-    inside = [e for e in expected if not e.outside]
-    off = max((e.error[1] for e in inside), default=0.0)
-    if off > trust.NOTABLE:
-        return Judgement(False, f"likely off by {percent(off)} on rigorous gratings like this surface")
-    up_to = f"up to θₒ = {number(ground.smith_deg, 2)}°" if ground.smith_deg < 80 else "away from grazing θₒ"
-    if len(inside) == len(expected):
-        return Judgement(
-            True, f"{up_to}; likely within {percent(max(off, 1e-3))} as on rigorous gratings like this surface"
+    return _tested(theory, data, ground, theta, nm)
+
+
+def _tested(theory: str, data: xr.Dataset, ground: Ground, theta: float, nm: list[float]) -> Judgement:
+    """By what rigorous solutions say of surfaces like this one, and of slightly rough ones."""
+    name = str(data.attrs.get("material", "")) or None
+    tests = tuple(trust.expected(theory, *ground.grating, theta, w, trust.is_metal(name, w)) for w in nm)
+    none = [e for e in tests if e.basis == "none"]
+    if none:
+        return Judgement(False, f"no test is like this surface, {'; '.join(none[0].beyond)}".replace("θ_i", "θᵢ"))
+    worst = max(tests, key=lambda e: e.off)
+    if worst.off > trust.NOTABLE:
+        return Judgement(False, evidence.bound(worst), worst.off)
+    widest = min(ground.smith_deg, slightly_rough.WIDEST_DEG)
+    if 4 * math.pi * ground.sq <= slightly_rough.SLIGHT_PHASE * min(nm) * 1e-3:
+        light = str(data.attrs.get("polarisation", ""))
+        light = light if light in ("s", "p") else "unpolarised"
+        ends = [slightly_rough.directions(theory, theta, w, name or "perfect", light) for w in nm]
+        if any(e is None for e in ends):
+            return Judgement(False, "on slightly rough surfaces it is wrong even in the mirror direction", worst.off)
+        known = [e for e in ends if e is not None]
+        theta_o = (max(-widest, *(e.low for e in known)), min(widest, *(e.high for e in known)))
+        outside = (
+            f"The surface is slightly rough: these θₒ are where {q.THEORIES[theory]} is within "
+            f"{percent(slightly_rough.WITHIN)} of Rayleigh–Rice for {light} light, direction by direction; "
+            f"beyond, up to ±{slightly_rough.WIDEST_DEG}°, it is {number(min(e.least for e in known), 2)} … "
+            f"{number(max(e.most for e in known), 2)} times that (θᵢ = {angle(theta)})."
         )
-    return _beyond(theory, ground, theta, up_to)
-
-
-def _beyond(theory: str, ground: Ground, theta: float, up_to: str) -> Judgement:
-    """Where the table of rigorous gratings holds none alike: its largest slope counts."""
-    most = max(c.slope for c in trust.cases() if math.isfinite(c.slope))
-    if theory == "harvey-shack" and 1 / math.cos(math.radians(theta)) > trust.PHASE:
-        return Judgement(False, "its phase q_z = 2k holds near the normal only")
-    if ground.slope > most * 1.005:
-        return Judgement(False, f"RMS slope {number(ground.slope, 2)}, it is tested up to {number(most, 2)}")
-    return Judgement(
-        True, f"{up_to}; single reflections, RMS slope {number(ground.slope, 2)} (tested up to {number(most, 2)})"
-    )
+        slight = f"there within {percent(slightly_rough.WITHIN)} of rigorous first-order theory, as heights are small"
+        return Judgement(True, slight, worst.off, theta_o, tests, outside)
+    return Judgement(True, evidence.bound(worst), worst.off, (-widest, widest), tests)
 
 
 def _share(rays: xr.Dataset | None, theta: float) -> float:

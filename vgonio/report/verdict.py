@@ -18,9 +18,10 @@ from .content import Content
 from .shifts import in_words, mean_shift, signed
 from .style import angle
 from .tables import first, number, percent
-from .trusted import recommendation
+from .trusted import advice
 from .wave_reflections import reflections_in_words
 
+LOST = 0.005  # of the light beside a cone, from which on it is worth a sentence
 SUM_TOLERANCE = 1e-6  # the white furnace and every tally close to rounding; this is far above it
 
 
@@ -77,10 +78,11 @@ def verdict(
         made.add(mirrored_sides(results["rays"]))
     for name, data in results.items():
         energy_of_waves(made, name, data)
+        made.add(lost_beside_cones(name, data, content.surface))
     made.cautions += cautions(content)
-    advice = recommendation(results, content.surface)
-    if advice:
-        made.statements.insert(0, advice)
+    told = advice(results, content.surface, agreements)
+    if told:
+        made.statements[:0] = [told.first, *told.more]
     if not (made.statements or made.alarms):
         made.add("The result holds nothing that can be judged yet: no rays, no waves, no measurement.")
     return made
@@ -139,6 +141,28 @@ def energy_of_waves(made: Verdict, name: str, data: xr.Dataset) -> None:
         f"{q.title(name, data)}: more power is reflected than falls on the surface, by up to {percent(most - 1)}, at "
         f"θᵢ = {', '.join(angle(float(t)) for t in above)}. Tangent-plane theories without shadowing do so at grazing "
         "incidence: it is a property of the theory, and the BRDF there is too high."
+    )
+
+
+def lost_beside_cones(name: str, data: xr.Dataset, surface: xr.Dataset | None) -> str | None:
+    """How much light of a profile the window across the plane of incidence takes out of a detector's cones."""
+    from ..wave.closed_forms import lost_across
+
+    profile = surface is not None and "z" in surface and bool(np.ptp(surface["z"].values, axis=0).max() == 0)
+    known = {"coherence_um", "aperture_deg"} <= set(data.attrs) and data.attrs.get("solver") == "Kirchhoff"
+    if not (profile and known and q.in_plane(data)):
+        return None
+    ends = [float(w) for w in (data["wavelength"].min(), data["wavelength"].max())]
+    lost = [lost_across(float(data.attrs["coherence_um"]), float(data.attrs["aperture_deg"]), w) for w in ends]
+    if max(lost) < LOST:
+        return None
+    told = f"{percent(lost[0])} at {number(ends[0])} nm" + (
+        f" and {percent(lost[1])} at {number(ends[1])} nm" if ends[1] > ends[0] else ""
+    )
+    return (
+        f"{q.title(name, data)} loses {told} of the light of this profile beside the detector's cones, because its "
+        "coherence window ends across the plane of incidence as well; full wave and iterated Kirchhoff do not. Compare "
+        "after dividing that out, or take a larger coherence_um or aperture_deg."
     )
 
 
@@ -249,7 +273,8 @@ def largest_error(results: Mapping[str, xr.Dataset]) -> str | None:
             )
         numerical = first(data.attrs, "error_achieved", "error")
         if name.startswith("waves") and isinstance(numerical, (int, float)) and math.isfinite(numerical):
-            known.append((float(numerical), f"numerical error of {words}, {percent(float(numerical), 1)}"))
+            share = percent(float(numerical), 1)
+            known.append((float(numerical), f"numerical error of {words}, {share} of the largest BRDF in θₒ"))
     facets = error_of_facets(results["rays"]) if "rays" in results else ""
     if not known:
         return facets or None

@@ -82,6 +82,19 @@ def beckmann(
     return _prefactor(wi, wo, wavelength_nm) * amplitude(theory, wi, wo) ** 2 * mean
 
 
+def lost_across(coherence_um: float, aperture_deg: float, wavelength_nm: float) -> float:
+    """Share of a profile's light beside a cone (full angle in degrees) that the window exp(−r²/2ℓ²) puts there.
+
+    Across the plane of incidence |S|² is exp(−(k ℓ s_y)²), s_y the direction cosine, whatever the profile; over a cone
+    on a lobe that is wide against it: 1 − ∫₀¹ erf(k ℓ sin a √(1 − t²)) dt, a half the angle.
+    """
+    from scipy.special import erf
+
+    t = (np.arange(2000) + 0.5) / 2000
+    width = float(wavenumber(wavelength_nm)) * coherence_um * float(np.sin(radians(aperture_deg / 2)))
+    return float(1 - np.mean(erf(width * np.sqrt(1 - t**2))))
+
+
 # ---- slightly rough surfaces: everything in proportion to the spectral density at q
 def linearised(theory: str, wi: Floats, wo: Floats, wavelength_nm: float, spectrum: ArrayLike) -> Floats:
     """The scalar theory to first order in q_z z: k²/(4π²) C²/(cos θ_i cos θ_o) q_z² W(q), sr⁻¹; spectrum W (…,) µm⁴."""
