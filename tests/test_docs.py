@@ -121,6 +121,18 @@ def test_links_and_pictures_exist(page: Path) -> None:
     assert [t for t in targets if t and not (page.parent / t).exists()] == []
 
 
+def test_how_to_cite_is_what_the_citation_file_says() -> None:
+    """Title and version of CITATION.cff, which GitHub reads, are those of the BibTeX entry and of the program."""
+    from vgonio import __version__
+
+    cff = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    entry = (DOCS / "citing.md").read_text(encoding="utf-8")
+    title, version = (re.search(rf'^{key}: "?(.+?)"?$', cff, re.M)[1] for key in ("title", "version"))
+    assert version == __version__
+    assert f"version = {{{version}}}" in entry
+    assert f"title = {{{title}}}" in entry
+
+
 def test_docstrings_become_lists_and_links() -> None:
     sys.path.insert(0, str(DOCS))
     try:
