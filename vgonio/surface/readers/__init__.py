@@ -114,15 +114,18 @@ def _heightfield(
     heights = np.where(np.isfinite(raw.heights), raw.heights, np.nan) * factor
     if np.isnan(heights).all():
         raise FileFormatError(f"{path}: all {heights.size} points are missing: there is no surface in it")
-    return Heightfield(
-        heights,
-        pitch,
-        periodic=raw.periodic if periodic is None else bool(periodic),
-        interpolation=interpolation or raw.interpolation,
-        name=raw.name or path.stem,
-        history=tuple(steps),
-        meta={**raw.meta, "file": path.name, "format": raw.format},
-    )
+    try:
+        return Heightfield(
+            heights,
+            pitch,
+            periodic=raw.periodic if periodic is None else bool(periodic),
+            interpolation=interpolation or raw.interpolation,
+            name=raw.name or path.stem,
+            history=tuple(steps),
+            meta={**raw.meta, "file": path.name, "format": raw.format},
+        )
+    except InputError as e:
+        raise FileFormatError(f"{path}: {e}") from None
 
 
 def _lacking(raw: RawSurface, path: Path, height_unit: str | None) -> FileFormatError:
