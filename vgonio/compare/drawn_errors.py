@@ -1,12 +1,13 @@
 """Standard errors of figures of whole BRDFs, by drawing the BRDFs anew within brdf_stderr.
 
 How the errors of one BRDF hang together is not known as a rule: noise may be independent from value to value, or shared
-by a whole spectrum, as where one ray carries all wavelengths. Both are drawn, the larger spread counts.
+by a whole spectrum, as where one ray carries all wavelengths. Both are drawn, the larger spread counts; directions and
+angles of incidence are independent. The speckle of waves is drawn as their coherence length has it (`speckle`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,6 +16,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from .metrics import detector_dim
+from .speckle import Speckle
 
 Floats = NDArray[np.float64]
 DRAWS = 100  # of each kind: the error is then known to 7 %
@@ -25,8 +27,9 @@ LOOKS = 8  # draws that say how much of a difference is noise: of thousands of v
 class Noise:
     """Noise of several BRDFs: called with the number of a draw, an array (θ_i, direction, λ) for each, in sr⁻¹.
 
-    shared : by all wavelengths of a spectrum, else independent from value to value. A value whose error is not known
-    has none.
+    shared : by all wavelengths of a spectrum, else independent from value to value, or as speckle has it where that is
+        known, see `Speckle`
+    Speckle of the same windows of one surface is the same. A value whose error is not known has none.
     """
 
     data: Sequence[xr.Dataset]
@@ -34,12 +37,27 @@ class Noise:
     seed: int = 0
 
     def __call__(self, draw: int) -> list[Floats]:
-        rng = np.random.default_rng([self.seed, draw])
-        return [s * rng.standard_normal((*s.shape[:2], 1 if self.shared else s.shape[2])) for s in self._sigma]
+        return [
+            sigma * (rng.standard_normal(self._shape(sigma)) if speckle is None else speckle(rng, self.shared))
+            for sigma, speckle, rng in zip(self._sigma, self._speckle, self._generators(draw))
+        ]
+
+    def _shape(self, sigma: Floats) -> tuple[int, ...]:
+        return (*sigma.shape[:2], 1 if self.shared else sigma.shape[2])
+
+    def _generators(self, draw: int) -> Iterator[np.random.Generator]:
+        """One for each of the data, the same where their speckle is the same."""
+        for speckle, number in zip(self._speckle, range(len(self.data))):
+            same = (i for i, s in enumerate(self._speckle) if speckle and s and speckle.lit == s.lit)
+            yield np.random.default_rng([self.seed, draw, next(same, number)])
 
     @cached_property
     def _sigma(self) -> list[Floats]:
         return [np.nan_to_num(_values(d, "brdf_stderr")) for d in self.data]
+
+    @cached_property
+    def _speckle(self) -> list[Speckle | None]:
+        return [Speckle.of(d) for d in self.data]
 
 
 def _values(data: xr.Dataset, name: str) -> Floats:
