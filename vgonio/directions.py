@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 MIN_APERTURE_DEG = 1e-4
 #: Angles between these are probably in radians: up to π/2, and not so small that they are next to the normal.
 RADIANS = (0.1, 1.6)
+#: Longest coherence length in µm; its square is still a number that divides others.
+MOST_COHERENCE_UM = 1e12
 #: What `polarisation` of the light may be; s and p as CONVENTIONS.md has them.
 POLARISATIONS = ("unpolarised", "s", "p")
 
@@ -120,6 +122,11 @@ class Incoming:
             raise InputError(f"phi_i_deg = {self.phi_deg} is not a finite angle in degrees")
         if self.coherence_um is not None and not (np.isfinite(self.coherence_um) and self.coherence_um > 0):
             raise InputError(f"coherence_um = {self.coherence_um} µm: the coherence length has to be positive")
+        if self.coherence_um is not None and self.coherence_um > MOST_COHERENCE_UM:
+            raise InputError(
+                f"coherence_um = {self.coherence_um:g} µm: at most {MOST_COHERENCE_UM:g} µm; None takes the whole "
+                "sample as one window"
+            )
         if not 0 <= self.divergence_deg < 90:
             raise InputError(f"divergence_deg = {self.divergence_deg}°: allowed is 0 ≤ divergence < 90°")
         if self.polarisation not in POLARISATIONS:

@@ -86,7 +86,8 @@ class DisplayModel:
     @cached_property
     def condition(self) -> float:
         """Condition number of the matrix with columns of length 1: how nearly parallel the primaries are in XYZ."""
-        return float(np.linalg.cond(self.matrix / np.linalg.norm(self.matrix, axis=0)))
+        each = self.matrix / np.abs(self.matrix).max(axis=0)  # whose squares are numbers, however bright it is
+        return float(np.linalg.cond(each / np.linalg.norm(each, axis=0)))
 
     def linear(self, rgb: ArrayLike) -> Floats:
         """Linear light (…, 3) in 0 … 1 of signals (…, 3)."""

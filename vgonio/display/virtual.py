@@ -132,6 +132,8 @@ def virtual_display(
     share: Floats = np.ones(3)
     if white_xy is not None:
         x, y = white_xy
+        if not (np.isfinite([x, y]).all() and y > 0):
+            raise InputError(f"white_xy = {white_xy}: two chromaticities are needed, that of y above 0")
         share = np.linalg.solve(xyz.T, np.array([x / y, 1.0, (1 - x - y) / y])).astype(np.float64)
         if not np.all(share > 0):
             raise InputError(f"white at {white_xy} lies outside the triangle of the primaries {str(name)!r}")

@@ -73,13 +73,16 @@ def sample_angle(
             return work.result(), work.estimator, work.work
         pilot = min(settings.rays, BATCH)
         work.more(pilot, pilot)
+        before = (0, 0)
         while True:
             total = work.result()
             rays, points = needed(total, work.by_points, work.points, settings.tol)
             # what is missing, within the cap; a first look that says "many times more" is not believed at once
             rays = min(rays, 16 * work.rays, settings.rays)
             points = min(points, 16 * max(work.points, 1), settings.rays)
-            if relative_error(total) <= settings.tol or (rays <= work.rays and points <= work.points):
+            # where no light arrives no number is enough: what more points are asked of may have no use for them
+            stuck, before = before == (work.rays, work.work), (work.rays, work.work)
+            if relative_error(total) <= settings.tol or stuck or (rays <= work.rays and points <= work.points):
                 return total, work.estimator, work.work
             work.more(max(rays - work.rays, 0), max(points - work.points, 0))
 

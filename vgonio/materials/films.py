@@ -74,7 +74,8 @@ def _fitted(polarisation: str, index: list[complex], thickness: list[float], wav
         c = 2 / terms * (np.cos(np.outer(np.arange(terms), angle)) @ values)
         c[0] /= 2
         if np.abs(c[-terms // 4 :]).max() < NEGLIGIBLE:
-            return c[: np.flatnonzero(np.abs(c) > 1e-3 * NEGLIGIBLE)[-1] + 1]
+            kept = np.flatnonzero(np.abs(c) > 1e-3 * NEGLIGIBLE)
+            return c[: kept[-1] + 1] if len(kept) else c[:1]  # nothing is reflected: air on air
         terms *= 2
     raise MaterialError(
         f"films of {', '.join(f'{d:g}' for d in thickness[1:-1])} nm: at {wavelength_nm:g} nm the reflectance turns "

@@ -13,6 +13,7 @@ from ..units import meant_nm
 
 Complex = NDArray[np.complex128]
 Floats = NDArray[np.float64]
+LARGEST_INDEX = 1e100  # its square is still a number; reflects like a perfect conductor
 
 
 def fresnel(cos_i: ArrayLike, index: ArrayLike) -> tuple[Complex, Complex]:
@@ -21,8 +22,10 @@ def fresnel(cos_i: ArrayLike, index: ArrayLike) -> tuple[Complex, Complex]:
     r_p refers to p = d × s along the direction of propagation d, so that r_s = −1, r_p = +1 for a perfect conductor.
     """
     c = np.asarray(cos_i, dtype=np.float64)
-    eps = np.asarray(index, dtype=np.complex128) ** 2
-    root: Complex = np.sqrt(eps - (1.0 - c * c))
+    n = np.asarray(index, dtype=np.complex128)
+    eps = n**2
+    # ε − sin² θ_i without a difference of numbers near 1: for an index near 1 at grazing incidence it would be rounding
+    root: Complex = np.sqrt((n - 1) * (n + 1) + c * c)
     return _quotient(c - root, c + root), _quotient(eps * c - root, eps * c + root)
 
 
@@ -62,11 +65,12 @@ class Material:
                 f"material {self.name!r} is tabulated from {lo:g} to {hi:g} nm, {out:g} nm was asked for{remedy}"
             )
         index = self.table(np.clip(w, lo, hi) * 1e-3)
-        good = np.isfinite(index) & (index.real >= 0) & (index.imag >= 0) & (index != 0)
+        good = (np.abs(index) <= LARGEST_INDEX) & (index.real >= 0) & (index.imag >= 0) & (index != 0)
         if not np.all(good):
             raise MaterialError(
                 f"material {self.name!r} ({self.source}) has n + ik = {index[~good].flat[0]:.4g} at "
-                f"{np.broadcast_to(w, good.shape)[~good].flat[0]:g} nm: finite n and k, none negative, are needed"
+                f"{np.broadcast_to(w, good.shape)[~good].flat[0]:g} nm: finite n and k, none negative, are "
+                f"needed, up to {LARGEST_INDEX:g}"
             )
         return index
 

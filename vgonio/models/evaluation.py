@@ -19,6 +19,7 @@ from .geometry import Geometry
 from .registry import EMPTY, Model, find
 
 Floats = NDArray[np.float64]
+SMALLEST = 1e-50  # parameter that is not 0
 
 
 def brdf(model: str, geometry: Geometry, wavelength_nm: ArrayLike, **parameters: Any) -> Floats:
@@ -130,6 +131,16 @@ def _check_parameters(name: str, entry: Model, given: Mapping[str, Any]) -> None
         raise InputError(f"model {name!r} needs {', '.join(missing)}: give {missing[0]}=…")
     if given.get("eta") is not None and "material" in given:
         raise InputError("give either eta (a dielectric of constant index) or material, not both")
+    for key, value in given.items():
+        if isinstance(value, int | float) and not _computable(value):
+            raise InputError(
+                f"{key} = {value:g}: sizes from {SMALLEST:g} to {1 / SMALLEST:g} can be computed with, and 0"
+            )
+
+
+def _computable(value: float) -> bool:
+    """Whether the fourth power is a number; what is no number is left to the model, which knows why."""
+    return not np.isfinite(value) or value == 0 or SMALLEST <= abs(value) <= 1 / SMALLEST
 
 
 def _json(value: Any) -> Any:

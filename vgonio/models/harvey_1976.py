@@ -24,4 +24,4 @@ def terms(geometry: Geometry, wavelength_nm: Floats, *, l: float, s: float = -2.
         raise InputError(f"l = {l}: the shoulder of the lobe, a difference of direction cosines, has to be positive")
     if not (np.isfinite(s) and s <= 0):
         raise InputError(f"s = {s}: the slope of the wings is negative, for example -2")
-    return {"k_s": ((1.0 + (geometry.sine_shift / l) ** 2) ** (s / 2))[..., None], "k_d": np.full((1,), 1 / np.pi)}
+    return {"k_s": np.exp(s / 2 * np.log1p((geometry.sine_shift / l) ** 2))[..., None], "k_d": np.full((1,), 1 / np.pi)}

@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 def psd(q: Floats, rms_um: float, b_um: float, c: float) -> Floats:
     """Two-dimensional power spectrum in µm⁴ at |q| in rad/µm: ABC with A = 2π σ² B² (C − 2), C > 2."""
-    return 2 * np.pi * rms_um**2 * b_um**2 * (c - 2) / (1 + (q * b_um) ** 2) ** (c / 2)
+    return 2 * np.pi * rms_um**2 * b_um**2 * (c - 2) * np.exp(-c / 2 * np.log1p((q * b_um) ** 2))
 
 
 def terms(

@@ -10,9 +10,10 @@ import numpy as np
 from ..errors import ToleranceError
 from ..surface.heightfield import Heightfield
 from .fourier import sample
-from .quadrature import Floats, Points, axis_rule, require_affordable
+from .quadrature import Floats, Points, axis_rule, fewest, require_affordable
 
 REACH = 3.0  # a window ends at 3 ℓ, where the amplitude is 1 %; that is taken off, so that it ends at zero
+PARABOLIC = 1e3  # ℓ over half the window, from which on its shape is the same to (1/PARABOLIC)²
 MOST_ALONG = 150  # windows along one side
 TRIAL_UM = 100.0  # side of the part of a whole sample on which the spacing of points is tried
 SPACING = 2.0  # of window centres, in ℓ: neighbours then share 14 % of their intensity
@@ -30,8 +31,11 @@ class Window:
     centre: tuple[float, float]
 
     def profile(self, t: Floats, half: float) -> Floats:
-        g = np.exp(-(t**2) / (2 * self.length**2)) - np.exp(-(half**2) / (2 * self.length**2))
-        return np.maximum(g, 0.0)
+        # where ℓ is many times what the sample holds of the window, a difference of two numbers that are nearly 1: a
+        # parabola, which further coherence does not change but to make it vanish
+        length = min(self.length, PARABOLIC * half)
+        inside = np.maximum(half**2 - t**2, 0.0) / (2 * length**2)
+        return np.exp(-(half**2) / (2 * length**2)) * np.expm1(inside)
 
 
 def tile(surface: Heightfield, length: float) -> list[Window]:
@@ -86,9 +90,9 @@ def independent(windows: list[Window], surface: Heightfield) -> float:
 def patch(surface: Heightfield, window: Window, spacing: tuple[float, float], rule: str) -> tuple[Points, float]:
     """Points of one window, counted from its centre, and A_w = ∫ |w|² dx dy in µm²."""
     ip = surface.interpolant
-    if rule != "cells":
-        columns = 2 * window.half[1] / spacing[1]
-        require_affordable(1 if surface.is_profile else 2 * window.half[0] / spacing[0], columns)
+    sides = zip((ip.y_axis, ip.x_axis), window.half, spacing)
+    rows, columns = (fewest(axis, 2 * half, step, rule) for axis, half, step in sides)
+    require_affordable(1 if surface.is_profile else rows, columns)
     axes, profiles = [], []
     for axis, c, r, s in zip((ip.y_axis, ip.x_axis), window.centre, window.half, spacing):
         lo, hi = (c - r, c + r) if rule != "cells" else _whole_cells(c - r, c + r, axis.h, axis.n, surface.periodic)

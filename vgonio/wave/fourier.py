@@ -13,7 +13,7 @@ from ..errors import BackendError, InputError, VgonioWarning, nearest, relative_
 from ..surface.heightfield import Heightfield
 from ..surface.interpolant import Interpolant
 from . import nufft
-from .quadrature import Complex, Floats, Points, axis_rule, choose_rule, finer, rates, require_affordable
+from .quadrature import Complex, Floats, Points, axis_rule, choose_rule, fewest, finer, rates, require_affordable
 
 METHODS = ("auto", "nufft", "opencl", "reference")
 STEP = 1.4  # closer points, where a grid did not suffice
@@ -154,7 +154,8 @@ def sample(surface: Heightfield, spacing: ArrayLike, rule: str, window: Interpol
     sy, sx = np.asarray(spacing, float)
     ly, lx = surface.size_um
     once = surface.is_profile and window is None
-    require_affordable(1 if once else ly / sy, lx / sx)
+    ip = surface.interpolant
+    require_affordable(1 if once else fewest(ip.y_axis, ly, sy, rule), fewest(ip.x_axis, lx, sx, rule))
     (y, wy), (x, wx) = _axes(surface, spacing, rule, window)
     cell = surface.pitch_um if rule == "cells" else (0.0, 0.0)
     weight = wy[:, None] * wx[None, :]

@@ -13,7 +13,7 @@ import os
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import BackendError
+from ..errors import BackendError, ToleranceError
 from . import planes
 from .quadrature import Complex, Floats, Points
 
@@ -87,14 +87,28 @@ def _rows(points: Points, q: Floats, level: Floats, row: NDArray[np.int64], azim
         turn = np.exp(-1j * qv * c * points.y)[:, None] * np.exp(1j * qv * s * points.x)
         strength = (points.weight * turn).ravel() if whole else (points.weight * turn)[used]
         if flat:
-            p = plan(1, tol)
-            p.setpts(u, s=along[target])
-            out[target] = p.execute(strength) * np.exp(-1j * q[target, 2] * (z[0] if len(z) else 0.0))
+            flat_sum = _summed(strength, (u,), (along[target],), tol)
+            out[target] = flat_sum * np.exp(-1j * q[target, 2] * (z[0] if len(z) else 0.0))
             continue
-        p = plan(2, tol)
-        p.setpts(u, z, s=along[target], t=np.ascontiguousarray(q[target, 2]))
-        out[target] = p.execute(strength)
+        out[target] = _summed(strength, (u, z), (along[target], q[target, 2]), tol)
     return out
+
+
+def _summed(strength: Complex, at: tuple[Floats, ...], q: tuple[Floats, ...], tol: float) -> Complex:
+    """(m,) sums of `strength` (n,) over points at coordinates (n,) for components (m,) of the scattering vectors.
+
+    Raises ToleranceError where heights and wavelength ask for a grid that FINUFFT refuses.
+    """
+    p = plan(len(at), tol)
+    try:
+        p.setpts(*at, **{name: np.ascontiguousarray(component) for name, component in zip("stu", q)})
+    except RuntimeError as e:
+        extent = ", ".join(f"{np.ptp(a) * np.ptp(b):.2g}" for a, b in zip(at, q))
+        raise ToleranceError(
+            f"the transform of this surface is too large for FINUFFT ({e}): its phases range over {extent} rad along "
+            "its axes, heights last; take a longer wavelength, lower heights or a smaller surface"
+        ) from None
+    return p.execute(strength)
 
 
 def some(points: Points, which: NDArray[np.int64], q: Floats, tol: float, azimuth: float) -> Complex:
@@ -114,9 +128,7 @@ def some(points: Points, which: NDArray[np.int64], q: Floats, tol: float, azimut
         if len(which) * len(target) < DIRECT:
             out[target] = np.exp(-1j * (np.outer(along[target], u) + np.outer(q[target, 2], z))) @ strength
             continue
-        p = plan(2, tol)
-        p.setpts(u, z, s=along[target], t=np.ascontiguousarray(q[target, 2]))
-        out[target] = p.execute(strength)
+        out[target] = _summed(strength, (u, z), (along[target], q[target, 2]), tol)
     return out * points.factor(q)
 
 
@@ -165,7 +177,5 @@ def _tiles(points: Points, q: Floats, tol: float) -> Complex:
             order = t[np.argsort(q[t, axis], kind="stable")]
             stack += [order[: len(t) // 2], order[len(t) // 2 :]]
             continue
-        p = plan(3, tol)
-        p.setpts(x, y, z, *(np.ascontiguousarray(q[t, j]) for j in range(3)))
-        out[t] = p.execute(strength)
+        out[t] = _summed(strength, (x, y, z), (q[t, 0], q[t, 1], q[t, 2]), tol)
     return out

@@ -66,6 +66,12 @@ def require_affordable(rows: float, columns: float) -> None:
         )
 
 
+def fewest(axis: Axis, length: float, spacing: float, rule: str) -> float:
+    """Points over a length (µm) of an axis that a rule takes at the least: cells and panels go by the pitch as well."""
+    by_pitch = {"uniform": 0.0, "gauss": 2.0, "cells": 1.0}[rule] * length / axis.h
+    return by_pitch if rule == "cells" else max(length / spacing, by_pitch)
+
+
 @lru_cache(maxsize=64)
 def _legendre(n: int) -> tuple[Floats, Floats]:
     return np.polynomial.legendre.leggauss(n)

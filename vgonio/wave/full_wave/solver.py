@@ -17,6 +17,7 @@ from ...directions import Detector, Incoming, wavelength_list
 from ...errors import InputError, VgonioWarning, relative_tolerance, whole
 from ...materials import Material, material
 from ...surface.heightfield import Heightfield
+from ...surface.spectrum import about_mean
 from . import gratings, windows
 from .outcome import Outcome, Task
 from .panels import Floats
@@ -38,9 +39,10 @@ class FullWave:
 
     The surface has to be the same for all y (one row will do) and is continued along y; the plane of incidence is its
     cross-section (phi_i_deg 0 or 180), the source is parallel. A periodic profile is a grating: `scatter` spreads its
-    orders as the coherence window does. On a finite one every window is a Gaussian beam, amplitude exp(−x²/2ℓ²) on
-    z = 0, over a piece of 4 ℓ to each side. Cost grows as the square of length/λ, for the largest systems as its cube.
-    In TM a right angle of a material with −3 < Re n² < −1/3 and little loss has no regular field: error_achieved tells.
+    orders as the coherence window does. On a finite one every window is a Gaussian beam, amplitude exp(−x²/2ℓ²) on the
+    mean height, over a piece of 4 ℓ to each side. Cost grows as the square of length/λ, for the largest systems as its
+    cube. In TM a right angle of a material with −3 < Re n² < −1/3 and little loss has no regular field: error_achieved
+    tells.
 
     Raises InputError for surfaces, films and light it does not take, MaterialError outside the table, ToleranceError
     for systems that are too large.
@@ -86,6 +88,7 @@ class FullWave:
         and the element's projected solid angle, `brdf_by_polarisation` beside the mean, energies and balance."""
         start = time.perf_counter()
         require_profile(surface)
+        surface = surface.replace(z=about_mean(surface.z))  # beams have their waist on z = 0, at the mean height
         polarisations = self.polarisations(incoming)
         sign = _azimuth(incoming)
         outcomes = []
