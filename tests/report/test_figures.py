@@ -270,3 +270,14 @@ def test_figures_leave_no_global_state():
 def test_importing_the_report_does_not_import_matplotlib():
     code = "import sys, vgonio.report; assert 'matplotlib' not in sys.modules and 'colour' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=600)
+
+
+def test_lines_that_lie_on_each_other_both_show():
+    """Two theories that agree: the later one is dashed, in its lines and in the legend; single results stay solid."""
+    from vgonio.report.style import dashes
+
+    names = ["rays", "waves", "waves_generalized_harvey_shack", "waves_harvey_shack"]
+    line = dashes(names)
+    assert [line[n] for n in names[:2]] == ["-", "-"]
+    assert line[names[2]] != line[names[3]]
+    assert all(line[n] != "-" for n in names[2:])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -98,6 +99,20 @@ def _tell(tree: Any) -> None:
         if stage["name"] in ("outliers", "fill") and stage["needed"]:
             print(f"{stage['name']}: {stage['why']}")
     print_table("", columns, [list(r.values()) for r in _parts(tree)])
+    _say_which_errors([name for name in json.loads(tree.attrs["seconds"]) if name in tree.children])
+
+
+def _say_which_errors(parts: list[str]) -> None:
+    """What the errors of a table are of, and relative to what."""
+    said = [
+        "of rays the largest standard error, relative to the BRDF itself where that exceeds 10⁻³ of its peak"
+        for name in parts
+        if name == "rays"
+    ]
+    if any(name.startswith("waves") for name in parts):
+        said.append("of waves the numerical one, relative to the peak of the BRDF over θₒ; speckle is not in it")
+    if said:
+        print(f"error: {'; '.join(said)}")
 
 
 def _say_long(made: Plan) -> None:
@@ -123,6 +138,11 @@ def _missed(tree: Any, asked: float | None) -> list[str]:
     achieved = tree["rays"].attrs.get("error_achieved") if "rays" in tree.children else None
     if asked is None or not isinstance(achieved, float) or achieved <= asked:
         return []
+    if math.isinf(achieved):
+        return [
+            "rays: at some angle of incidence none came into a detector, so that their error is not known: it is dark "
+            "there, or geometric.rays are too few"
+        ]
     return [f"rays: error {achieved:.2g} instead of the {asked:g} asked for: raise geometric.rays"]
 
 
@@ -179,6 +199,7 @@ def plan(
     if made.alternatives:
         print()
         print_table("What was chosen, and what else would have cost", *made.choices(), width=PIPED)
+    _say_which_errors([s.part for s in made.stages if s.error is not None])
     print(f"times: {made.machine}")
     _warn(list(made.warnings))
 

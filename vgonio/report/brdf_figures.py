@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -21,6 +21,7 @@ from .style import (
     angle_axis,
     bounce_colours,
     colours,
+    dashes,
     directions_marked,
     edges,
     logarithmic,
@@ -119,13 +120,13 @@ def lobes(results: Results, wavelength_nm: float | None = None, decades: float =
     shown = {name: q.near(ascending(data), wavelength_nm) for name, data in results.items()}
     chosen = some(next(iter(shown.values()))["theta_i"].values, MOST_PANELS)
     figure, axes = panels(len(chosen))
-    colour = colours(list(shown))
+    colour, line = colours(list(shown)), dashes(list(shown))
     top = max(float(data["brdf"].max()) for data in shown.values())
     for ax, theta_i in zip(axes, chosen):
         for name, data in shown.items():
             here = q.incidence(data, theta_i)
             if here is not None:
-                lobe(ax, here, colour[name], dots=name == "measured")
+                lobe(ax, here, colour[name], dots=name == "measured", line=line[name])
         directions_marked(ax, theta_i)
         ax.set_title(f"θᵢ = {angle(theta_i)}")
     if top > 0:
@@ -134,31 +135,32 @@ def lobes(results: Results, wavelength_nm: float | None = None, decades: float =
     angle_axis(axes)
     figure.supxlabel("angle of reflection θₒ (°)", fontsize=9)
     figure.supylabel("BRDF (sr⁻¹)", fontsize=9)
-    legend_of_results(figure, results)
+    legend_of_results(figure, results, dashed=True)
     return figure
 
 
-def lobe(ax: Axes, data: xr.Dataset, colour: str, dots: bool) -> None:
-    """One lobe with its error band; dots for a measurement."""
+def lobe(ax: Axes, data: xr.Dataset, colour: str, dots: bool, line: Any = "-") -> None:
+    """One lobe with its error band; dots for a measurement, else a line of the style `line`."""
     theta_o, value = data["theta_o"].values, data["brdf"].values
     value = np.where(value > 0, value, np.nan)
     if dots:
         ax.plot(theta_o, value, "o", color=colour, ms=2.6, mfc="white", mew=0.9, zorder=3)
     else:
-        ax.plot(theta_o, value, color=colour)
+        ax.plot(theta_o, value, color=colour, ls=line)
     if "brdf_stderr" in data and not dots:
         error = data["brdf_stderr"].values
         ax.fill_between(theta_o, np.maximum(value - error, value * 1e-3), value + error, color=colour, alpha=0.22, lw=0)
 
 
-def legend_of_results(figure: Figure, results: Results, extra: list | None = None) -> None:
+def legend_of_results(figure: Figure, results: Results, extra: list | None = None, dashed: bool = False) -> None:
+    """Names and colours above a figure; dashed : whether its lines are those of `style.dashes`."""
     from matplotlib.lines import Line2D
 
-    colour = colours(list(results))
+    colour, line = colours(list(results)), dashes(list(results) if dashed else [])
     handles = [
         Line2D([], [], color=colour[name], label=q.title(name, data), marker="o", ls="none", ms=4, mfc="white")
         if name == "measured"
-        else Line2D([], [], color=colour[name], label=q.title(name, data))
+        else Line2D([], [], color=colour[name], ls=line.get(name, "-"), label=q.title(name, data))
         for name, data in results.items()
     ]
     figure.legend(handles=handles + (extra or []), loc="outside upper left", ncols=5, handlelength=1.8)

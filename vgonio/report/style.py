@@ -17,6 +17,7 @@ import numpy as np
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 INK, MUTED, GRID = "#1a2230", "#5c6675", "#e3e7ec"
 # Okabe and Ito (2008), told apart by colour-blind readers as well
@@ -113,6 +114,12 @@ def colours(names: Sequence[str]) -> dict[str, str]:
     return {name: RESULT_COLOURS.get(name) or next(further) for name in names}
 
 
+def dashes(names: Sequence[str]) -> dict[str, Any]:
+    """A line for each result: further waves are dashed, so that those that lie exactly beneath still show."""
+    further = [name for name in names if name.startswith("waves_")]
+    return {name: (0, (4, 3 + 2 * further.index(name))) if name in further else "-" for name in names}
+
+
 def bounce_colours(count: int) -> list[str]:
     """A dark blue for single reflections, ever lighter ones for 2, 3, … reflections."""
     from matplotlib.colors import LinearSegmentedColormap, to_hex
@@ -181,11 +188,23 @@ def angle_axis(axes: Sequence[Axes], low: float = -90, high: float = 90) -> None
         ax.set_xticks(np.arange(-60, 61, 30))
 
 
+MIRROR: dict[str, Any] = {"color": MUTED, "lw": 0.8, "ls": (0, (4, 3))}
+BACK: dict[str, Any] = {"color": MUTED, "lw": 0.8, "ls": (0, (1, 2))}
+MIRROR_WORDS, BACK_WORDS = "mirror direction", "back-scattering"
+
+
 def directions_marked(ax: Axes, theta_i: float) -> None:
     """Thin lines at the mirror direction (dashed) and at back-scattering (dotted)."""
-    ax.axvline(-theta_i, color=MUTED, lw=0.8, ls=(0, (4, 3)), zorder=1.5)
+    ax.axvline(-theta_i, **MIRROR, zorder=1.5)
     if theta_i:
-        ax.axvline(theta_i, color=MUTED, lw=0.8, ls=(0, (1, 2)), zorder=1.5)
+        ax.axvline(theta_i, **BACK, zorder=1.5)
+
+
+def directions_named() -> list[Line2D]:
+    """What those lines are, for a legend."""
+    from matplotlib.lines import Line2D as Line
+
+    return [Line([], [], **line, label=words) for line, words in ((MIRROR, MIRROR_WORDS), (BACK, BACK_WORDS))]
 
 
 @styled
