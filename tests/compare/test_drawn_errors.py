@@ -102,7 +102,8 @@ def test_reflectance_has_the_error_of_its_sum():
     error = rows["reflectance at 0°"]["error"]
     assert np.pi * SIGMA / np.sqrt(17) / 2 < error < np.pi * SIGMA
     bare = {r["quantity"]: r for r in appearance("a", noisy().drop_vars("brdf_stderr"))}
-    assert bare["reflectance at 0°"]["error"] is None
+    # what is left is the error of the quadrature
+    assert (bare["reflectance at 0°"]["error"] or 0.0) < error
     assert bare["reflectance at 0°"]["value"] == rows["reflectance at 0°"]["value"]
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
 import warnings
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import numpy as np
 import xarray as xr
 
 from ..dataset import check
@@ -88,6 +90,9 @@ class Gonioreflectometer:
         data.attrs |= {
             "aperture_deg": float(self.aperture_deg) if self.theta_o_deg is not None else "cells of a hemisphere",
             "divergence_deg": float(self.divergence_deg),
+            "surface_sq_um": float(np.std(surface.z)),
+            "surface_profile": int(surface.is_profile),
+            "surface_digest": hashlib.sha256(np.ascontiguousarray(surface.z)).hexdigest()[:16],
             "seconds": time.perf_counter() - start,
         }
         return data
