@@ -176,6 +176,26 @@ def test_slopes_are_drawn_in_percent_per_100_nm():
     assert "% per 100 nm" in labels(figure)
 
 
+def test_the_legend_of_slopes_shows_each_line_as_it_is_drawn():
+    """Fits in the colours of their results, the dashed line the mirror direction, the dotted one back-scattering."""
+    coords = {"theta_i": [40.0], "theta_o": [-40.0, 0.0, 40.0]}
+    slope = xr.DataArray(np.full((1, 3), 1e-3), coords, ("theta_i", "theta_o"))
+    data = xr.Dataset({"slope": slope, "slope_stderr": 0.1 * slope, "slope_global": slope})
+    figure = figures.shift_slopes({"rays": data, "waves": 2 * data})
+    drawn = figure.axes[0].get_lines()
+    at = {x: line for line in drawn for x in set(line.get_xdata()) if len(set(line.get_xdata())) == 1}
+    fits = {line.get_color() for line in drawn if len(line.get_xdata()) == 3 and line.get_linestyle() == "-"}
+    (legend,) = figure.legends
+    named = {text.get_text(): handle for text, handle in zip(legend.get_texts(), legend.legend_handles)}
+    for x, words in ((-40.0, "mirror direction"), (40.0, "back-scattering")):
+        assert named[words]._dash_pattern == at[x]._dash_pattern
+        assert named[words].get_color() == at[x].get_color()
+    assert at[-40.0]._dash_pattern != at[40.0]._dash_pattern
+    assert len(fits) == 2
+    assert "global fit of each, h·cos(w·θₘ) + t" in named
+    assert {handle.get_color() for handle in legend.findobj(type(drawn[0])) if handle.get_linestyle() == "-"} >= fits
+
+
 @pytest.mark.parametrize(
     ("make", "units"),
     [
@@ -281,3 +301,18 @@ def test_lines_that_lie_on_each_other_both_show():
     assert [line[n] for n in names[:2]] == ["-", "-"]
     assert line[names[2]] != line[names[3]]
     assert all(line[n] != "-" for n in names[2:])
+
+
+def test_a_sweep_says_at_which_further_key_lobes_are_drawn(wave_result):
+    """Lobes of the first value of the second key; the legend lies beneath the panel and covers no curve."""
+    from vgonio.report.sweep_figures import overview
+
+    sizes = {"rms_um": [0.1, 0.2], "correlation_um": [3.0, 5.0]}
+    data = xr.concat([xr.concat([wave_result] * 2, "correlation_um")] * 2, "rms_um").assign_coords(sizes)
+    done = xr.DataArray(np.zeros((2, 2), int), sizes, ("rms_um", "correlation_um"))
+    tree = xr.DataTree.from_dict({"/": xr.Dataset({"state": done, "seconds": done + 1.0}), "waves": data})
+    figure = overview(tree)
+    figure.canvas.draw()
+    lobes = figure.axes[0]
+    assert lobes.get_title(loc="left").endswith("\ncorrelation_um 3.0")
+    assert lobes.get_legend().get_window_extent().y1 < lobes.get_window_extent().y0

@@ -53,7 +53,7 @@ class RayOptics:
     a mesh of more than 4 million)
     tracer : "embree", "reference" (slow) or "warp" (CUDA, extra "gpu")
     threads : of the tracing, None for all processors
-    polarised : the 4 × 4 Mueller BRDF as well (`mueller`, conventions in mueller.py), whatever the light's polarisation
+    polarised : the 4 × 4 Mueller BRDF as well (`mueller`, see CONVENTIONS.md), whatever the light's polarisation
     refinement_check : the same again on twice the refinement, `brdf_refinement_change` is by how much the BRDF changes:
     standard errors do not cover that, and cones that are narrow against the steps of the facets' slopes change a lot
     statistics : path lengths, distances between hits and slopes of the last facet as well (statistics.py)

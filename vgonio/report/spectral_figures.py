@@ -11,12 +11,25 @@ import xarray as xr
 from ..dataset import ascending
 from . import quantities as q
 from .brdf_figures import MOST_PANELS, Results, legend_of_results
-from .style import INK, MUTED, angle, angle_axis, colours, directions_marked, edges, new_figure, panels, some, styled
+from .style import (
+    MUTED,
+    angle,
+    angle_axis,
+    colours,
+    directions_marked,
+    directions_named,
+    edges,
+    new_figure,
+    panels,
+    some,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+GLOBAL_FIT = "global fit of each, h·cos(w·θₘ) + t"
 NORMALISED_AT = 600.0  # nm, λ_n of the thesis
 SMALLEST_SHIFT = 2.0  # % per 100 nm; less looks like nothing, and is
 LARGEST_DELTA_E = 20.0  # colours are altogether different beyond; the scale of the maps ends there at the latest
@@ -97,10 +110,13 @@ def spectrum(ax: Axes, data: xr.Dataset, colour: str, scale: float, dots: bool) 
 def shift_slopes(slopes: Mapping[str, xr.Dataset], titles: Mapping[str, str] | None = None) -> Figure:
     """Slope m of the local linear shift against θₒ, a panel for each θᵢ, with the global fit (thesis figure 4.8).
 
+    Dots are the local slopes, lines of the same colour the global fits.
+
     slopes : for each result a dataset (theta_i, theta_o) with slope, slope_stderr and optionally slope_global, all
     in nm⁻¹, and bright (false: drawn pale, hardly any light there). Drawn in % per 100 nm, so that +10 means: 10 %
     brighter for every 100 nm towards red.
     """
+    from matplotlib.legend_handler import HandlerTuple
     from matplotlib.lines import Line2D
 
     first = next(iter(slopes.values()))
@@ -125,11 +141,16 @@ def shift_slopes(slopes: Mapping[str, xr.Dataset], titles: Mapping[str, str] | N
     axes[0].set_ylim(-limit, limit)
     angle_axis(axes)
     figure.supxlabel("angle of reflection θₒ (°)", fontsize=9)
-    figure.supylabel("slope m of the shift (% per 100 nm)", fontsize=9)
+    figure.supylabel("slope m of the shift\n(% per 100 nm)", fontsize=9, ma="center")
     handles = [Line2D([], [], color=colour[n], marker="o", ms=3, label=(titles or {}).get(n, n)) for n in slopes]
-    if any("slope_global" in data for data in slopes.values()):
-        handles.append(Line2D([], [], color=INK, lw=1.0, ls=(0, (4, 2)), label="global fit of each, h·cos(w·θₘ) + t"))
-    figure.legend(handles=handles, loc="outside upper left", ncols=5, handlelength=1.8)
+    labels = [str(h.get_label()) for h in handles]
+    fitted = tuple(Line2D([], [], color=colour[n], lw=1.2) for n, data in slopes.items() if "slope_global" in data)
+    lines = directions_named()
+    shown = [*handles, *([fitted] if fitted else []), *lines]
+    labels += [GLOBAL_FIT] if fitted else []
+    labels += [str(h.get_label()) for h in lines]
+    beside = {tuple: HandlerTuple(ndivide=None, pad=0.2)}
+    figure.legend(shown, labels, handler_map=beside, loc="outside upper left", ncols=4, handlelength=2.2)
     return figure
 
 
@@ -143,7 +164,7 @@ def slope_curve(ax: Axes, data: xr.Dataset, colour: str) -> None:
                 theta_o[shown], m[shown], error[shown], fmt="o", ms=2.2, color=colour, elinewidth=0.8, alpha=alpha
             )
     if "slope_global" in data:
-        ax.plot(theta_o, data["slope_global"].values, color=colour, lw=1.2, ls=(0, (4, 2)))
+        ax.plot(theta_o, data["slope_global"].values, color=colour, lw=1.2)
 
 
 @styled
@@ -213,8 +234,8 @@ def delta_e_maps(maps: Mapping[str, xr.DataArray]) -> Figure:
         mesh = squares(ax, data, values, np.isnan(data.values), cmap="viridis", vmin=0, vmax=top)
         ax.set_title(name)
         dark = data.attrs.get("dark", 0)
-        left_out = f"\nleft out: {dark} of {data.size} pairs, below 10⁻³ of the peak" if dark else ""
-        ax.set_xlabel(f"θₒ (°)   mean {float(data.mean()):.3g}, largest {float(data.max()):.3g}{left_out}")
+        left_out = f"\nleft out: {dark} of {data.size} pairs,\nbelow 10⁻³ of the peak" if dark else ""
+        ax.set_xlabel(f"θₒ (°)\nmean ΔE₀₀ {float(data.mean()):.3g}, largest {float(data.max()):.3g}{left_out}")
     axes[0].set_ylabel("θᵢ (°)")
     bar = figure.colorbar(mesh, ax=axes, shrink=0.9, pad=0.015, aspect=24, extend="max")
     bar.set_label("ΔE₀₀")

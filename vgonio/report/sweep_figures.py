@@ -110,12 +110,19 @@ def lobe_of_each(ax: Axes, data: xr.Dataset, keys: list[str], title: str) -> Non
     if top > 0:
         logarithmic(ax, "y", top * 10**-4.5, top * 2)
     if ax.lines:
-        ax.legend(
-            title=keys[0], fontsize=7, title_fontsize=7.5, loc="lower center", ncols=2, frameon=True, edgecolor="none"
-        )
+        # beneath the panel: inside it would lie on the lobes
+        below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2), "ncols": 3}
+        ax.legend(title=keys[0] + unit_of(data, keys[0]), fontsize=7, title_fontsize=7.5, **below)
     ax.set_xlabel("angle of reflection θₒ (°)")
     ax.set_ylabel("BRDF (sr⁻¹)")
-    ax.set_title(f"{title[:1].upper()}{title[1:]}, {where(data)}")
+    fixed = held(data, keys)
+    ax.set_title(f"{title[:1].upper()}{title[1:]}, {where(data)}" + (f"\n{fixed}" if fixed else ""))
+
+
+def held(data: xr.Dataset, keys: list[str]) -> str:
+    """The values of the further keys for which lobes are drawn, "correlation_um 5"; "" where there are none."""
+    first = str(data[keys[0]].dims[0])
+    return ", ".join(f"{k} {data[k].values[0]}" for k in keys[1:] if str(data[k].dims[0]) != first)
 
 
 def seconds_of_each(ax: Axes, data: xr.Dataset, keys: list[str]) -> None:
@@ -137,9 +144,12 @@ def where(data: xr.Dataset) -> str:
     return f"θᵢ = {angle(float(data['theta_i']))}, {float(data['wavelength']):g} nm"
 
 
-def label_x(ax: Axes, data: xr.Dataset, key: str, x: np.ndarray, labels: list[str] | None) -> None:
+def unit_of(data: xr.Dataset, key: str) -> str:
     attrs: Any = data[key].attrs
-    unit = {"um": " (µm)", "nm": " (nm)", "degree": " (°)"}.get(attrs.get("units", ""), "")
-    ax.set_xlabel(f"{key}{unit}")
+    return {"um": " (µm)", "nm": " (nm)", "degree": " (°)"}.get(attrs.get("units", ""), "")
+
+
+def label_x(ax: Axes, data: xr.Dataset, key: str, x: np.ndarray, labels: list[str] | None) -> None:
+    ax.set_xlabel(f"{key}{unit_of(data, key)}")
     if labels:
         ax.set_xticks(x, labels)

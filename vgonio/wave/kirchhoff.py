@@ -35,7 +35,7 @@ NARROW = 0.3  # error of narrow lobes in cells of a hemisphere from which it is 
 
 @dataclass(frozen=True)
 class Kirchhoff:
-    """Scalar diffraction in three theories (contract table; Beckmann and Spizzichino 1963, Yan 2018).
+    """Scalar diffraction in three theories (table in CONVENTIONS.md; Beckmann and Spizzichino 1963, Yan 2018).
 
     material : name, file or Material;  wavelength_nm : (w,) nm
     theory : "kirchhoff", "generalized-harvey-shack" or "harvey-shack"

@@ -1,4 +1,4 @@
-"""What the three scalar theories make of S(q): amplitude factor C and scattering vector (contract table; Yan 2018).
+"""What the three scalar theories make of S(q): amplitude factor C and scattering vector (CONVENTIONS.md; Yan 2018).
 
 f = k²/(4π²) · C² · R / (cos θ_i cos θ_o A_w) · |S(q)|²
 """

@@ -18,7 +18,7 @@ Images = dict[int, dict[str, Complex]]
 
 @dataclass(frozen=True, eq=False)
 class Diffraction:
-    """Orders of one incidence. order : (m,) in the contract's sense, sin θ_o = −sin θ_i − mλ/P
+    """Orders of one incidence. order : (m,), sin θ_o = −sin θ_i − mλ/P
 
     sine : (m,) sin θ_o;  efficiency : (m,)
     reflected, absorbed, transmitted : shares of the incident power; absorbed is the flux through the surface,
