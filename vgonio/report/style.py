@@ -114,6 +114,12 @@ def colours(names: Sequence[str]) -> dict[str, str]:
     return {name: RESULT_COLOURS.get(name) or next(further) for name in names}
 
 
+def dashes(names: Sequence[str]) -> dict[str, Any]:
+    """A line for each result: further waves are dashed, so that those that lie exactly beneath still show."""
+    further = [name for name in names if name.startswith("waves_")]
+    return {name: (0, (4, 3 + 2 * further.index(name))) if name in further else "-" for name in names}
+
+
 def bounce_colours(count: int) -> list[str]:
     """A dark blue for single reflections, ever lighter ones for 2, 3, … reflections."""
     from matplotlib.colors import LinearSegmentedColormap, to_hex
