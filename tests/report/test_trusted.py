@@ -65,7 +65,7 @@ def test_the_ground_of_a_summary_is_the_grating_of_the_surface():
 def test_the_full_wave_comes_first_wherever_its_error_is_small():
     some = {"waves": result("kirchhoff"), "waves_full_wave": result("full-wave")}
     said = recommendation(some, surface_dataset(STEEP))
-    assert said == "Trust the waves (full wave) at all θᵢ: rigorous, numerical error 0.010 %."
+    assert said == "Trust the waves (full wave) at all θᵢ: rigorous, numerical error 0.010 % of the largest BRDF."
     some["waves_full_wave"].attrs["error_achieved"] = 0.2
     said = recommendation(some, surface_dataset(STEEP))
     assert said.startswith("None of the methods of this result may be trusted (")
@@ -233,7 +233,8 @@ def test_slightly_rough_surfaces_have_their_directions():
     assert "−59 … 59° (θᵢ = 0°)" in made.first
     assert "−80 … −1° (θᵢ = 60°)" not in made.first  # 58° is the largest here
     (why,) = (m for m in made.more if m.startswith("The surface is slightly rough"))
-    assert "Rayleigh–Rice for unpolarised light" in why
+    assert "Rayleigh–Rice for unpolarised light on perfect" in why
+    assert "on perfect" in told(flat, material="a file that is not here.yml").more[1]  # and no error
     both = ("kirchhoff", "generalized-harvey-shack")
     assert set(told(flat, both, material="perfect").trusted) == {"waves"}
     polarised = told(flat, both, material="perfect", polarisation="s")

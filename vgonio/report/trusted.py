@@ -287,7 +287,11 @@ def _rigorous(data: xr.Dataset) -> Judgement:
     if not error <= trust.NOTABLE:
         return Judgement(False, f"its numerical error is {percent(error)}")
     remarks = _remarks(data)
-    return Judgement(True, f"rigorous, numerical error {percent(error)}" + (f"; mind: {remarks[0]}" if remarks else ""))
+    return Judgement(
+        True,
+        f"rigorous, numerical error {percent(error)} of the largest BRDF"
+        + (f"; mind: {remarks[0]}" if remarks else ""),
+    )
 
 
 def _rays(ground: Ground, wavelength_um: float, theta: float) -> Judgement:
@@ -333,14 +337,15 @@ def _tested(theory: str, data: xr.Dataset, ground: Ground, theta: float, nm: lis
     if 4 * math.pi * ground.sq <= slightly_rough.SLIGHT_PHASE * min(nm) * 1e-3:
         light = str(data.attrs.get("polarisation", ""))
         light = light if light in ("s", "p") else "unpolarised"
-        ends = [slightly_rough.directions(theory, theta, w, name or "perfect", light) for w in nm]
+        of = trust.known_material(name, nm)
+        ends = [slightly_rough.directions(theory, theta, w, of, light) for w in nm]
         if any(e is None for e in ends):
             return Judgement(False, "on slightly rough surfaces it is wrong even in the mirror direction", worst.off)
         known = [e for e in ends if e is not None]
         theta_o = (max(-widest, *(e.low for e in known)), min(widest, *(e.high for e in known)))
         outside = (
             f"The surface is slightly rough: these θₒ are where {q.THEORIES[theory]} is within "
-            f"{percent(slightly_rough.WITHIN)} of Rayleigh–Rice for {light} light, direction by direction; "
+            f"{percent(slightly_rough.WITHIN)} of Rayleigh–Rice for {light} light on {of}, direction by direction; "
             f"beyond, up to ±{slightly_rough.WIDEST_DEG}°, it is {number(min(e.least for e in known), 2)} … "
             f"{number(max(e.most for e in known), 2)} times that (θᵢ = {angle(theta)})."
         )

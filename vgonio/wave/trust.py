@@ -13,7 +13,7 @@ from __future__ import annotations
 import csv
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -206,13 +206,24 @@ def _dominant_period(surface: Heightfield) -> float:
 
 def is_metal(name: str | None, wavelength_nm: float) -> bool:
     """Whether a material reflects like one; True where that is not known."""
+    from ..materials import material
+
+    made = material(known_material(name, [wavelength_nm]))
+    return float(np.max(made.reflectance(1.0, wavelength_nm))) >= METAL
+
+
+def known_material(name: str | None, wavelength_nm: Sequence[float]) -> str:
+    """The name, or "perfect" where no material of that name is known at these wavelengths (it was a file)."""
     from ..errors import VgonioError
     from ..materials import material
 
     try:
-        return float(np.max(material(name or "perfect").reflectance(1.0, wavelength_nm))) >= METAL
+        made = material(name or "perfect")
+        for w in wavelength_nm:
+            made.reflectance(1.0, w)
     except (VgonioError, OSError, ValueError):
-        return True
+        return "perfect"
+    return name or "perfect"
 
 
 def expected(
