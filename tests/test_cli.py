@@ -260,6 +260,22 @@ def test_surface_make_info_convert(folder, capsys):
     assert sorted(p.name for p in folder.iterdir()) == ["s.csv", "s.npz"]
 
 
+def test_surface_info_explains_its_figures(folder, capsys):
+    """Order of axes and meaning of every figure stand beside it; a field of two different axes shows the order."""
+    np.savez("order.npz", z=np.random.default_rng(0).normal(size=(8, 16)), pitch_um=[0.5, 0.25])
+    assert main(["surface", "info", "order.npz"]) == 0
+    lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines() if line.strip()}
+    assert "16 × 8" in lines["points"]
+    assert "0.25 × 0.5" in lines["pitch"]
+    assert "4 × 4" in lines["size"]
+    for name in ("points", "pitch", "size"):
+        assert lines[name].endswith("along x × along y")
+    from vgonio.surface.statistics import UNITS
+
+    for name in UNITS:
+        assert len(lines[name].split("  ")[-1]) > 8, lines[name]
+
+
 def test_plan_and_surface_info_name_the_same_roughness(folder, capsys):
     """A tilt is part of what is read, and of no roughness: the plan names both."""
     from vgonio.surface import describe_import, gaussian, read

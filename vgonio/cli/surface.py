@@ -68,14 +68,35 @@ def info(
     if as_json:
         print_json(facts | {"history": list(field.history)})
         return
-    print_table("", ("quantity", "value", "unit"), [_row(name, value) for name, value in facts.items()])
+    columns = ("quantity", "value", "unit", "what it is")
+    print_table("", columns, [_row(name, value) for name, value in facts.items()])
 
 
-def _row(name: str, value: Any) -> tuple[str, Any, str]:
+# what the figures are, for whoever does not know ISO 25178-2 by heart
+MEANINGS = {
+    "points": "along x × along y",
+    "pitch_um": "along x × along y",
+    "size_um": "along x × along y",
+    "missing": "points without a height",
+    "Sq": "RMS height",
+    "Sa": "mean absolute height",
+    "Sz": "from the lowest point to the highest",
+    "Ssk": "skewness of heights: below 0 pits, above 0 peaks",
+    "Sku": "kurtosis of heights: 3 for Gaussian ones",
+    "Sdq": "RMS gradient",
+    "Sal": "autocorrelation length: down to 0.2 along the fastest decay",
+    "alpha": "Beckmann's α: √2 times the RMS slope along one axis",
+    "alpha_x": "the same of slopes along x",
+    "alpha_y": "the same of slopes along y",
+}
+
+
+def _row(name: str, value: Any) -> tuple[str, Any, str, str]:
     from ..surface.statistics import UNITS
 
     unit = "µm" if name.endswith("_um") else UNITS.get(name, "").replace("1", "")
-    return name.removesuffix("_um"), " × ".join(f"{x:g}" for x in value) if isinstance(value, list) else value, unit
+    shown = " × ".join(f"{x:g}" for x in value) if isinstance(value, list) else value
+    return name.removesuffix("_um"), shown, unit, MEANINGS.get(name, "")
 
 
 def _parameters(field: Any) -> dict[str, Any]:
