@@ -66,7 +66,8 @@ def test_the_command_says_what_the_reference_is(tmp_path, capsys):
     groups = {k.partition(":")[2]: MADE[k] for k in ("own:rays", "own:waves", "own:waves_harvey_shack")}
     vg.save(xr.DataTree.from_dict(groups), tmp_path / "own.nc")
     assert main(["compare", str(tmp_path / "own.nc")]) == 0
-    assert capsys.readouterr().out.split("\n")[0].startswith("Reference: own:rays (rays, by default the most trusted")
+    first = capsys.readouterr().out.split("\n")[0]
+    assert first.startswith("Reference: own:rays (rays, by default the first of measured")
     assert main(["compare", str(tmp_path / "own.nc"), "--reference", "own:waves", "--json"]) == 0
     first = json.loads(capsys.readouterr().out)[0]
     assert (first["of"], first["quantity"], first["unit"]) == ("own:waves", "reference", "as asked for")

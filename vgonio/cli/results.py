@@ -24,7 +24,7 @@ def compare(
     ],
     reference: Annotated[
         str | None,
-        typer.Option("--reference", metavar="NAME", help="The one held to be right.", show_default="the most trusted"),
+        typer.Option("--reference", metavar="NAME", help="The one held to be right.", show_default="the most general"),
     ] = None,
     material: Annotated[
         str, typer.Option("--material", help="Of the Fresnel reflectance in the fits of the shift, or none.")
@@ -59,7 +59,8 @@ def compare(
         print_json([row for rows in tables.values() for row in rows])
         return
     ((name, why),) = ((row["of"], row["unit"]) for row in tables["reference"])
-    print_rows(f"Reference: {name} ({why}; --reference NAME). Of A and B, B is held to be right.", tables["figures"])
+    told = "Of A and B, B is held to be right: NRMSE is RMSE over the mean of B."
+    print_rows(f"Reference: {name} ({why}; --reference NAME). {told}", tables["figures"])
     print_rows("Appearance", [row for row in tables["looks"] if row["value"] is not None])
     print_rows(f"Explained share of the shift of {name}", tables["shares"])
     for row in tables["unlike"]:

@@ -12,10 +12,24 @@ from .metrics import align
 DIM = 1e-3  # of the largest value over the detector: down to there an error is promised
 
 
+def numerical_floor(data: xr.Dataset) -> float:
+    """Share of the largest value over the detector below which the numerical error of waves leaves nothing; else 0."""
+    error = data.attrs.get("error_achieved") if "theory" in data.attrs else None
+    known = isinstance(error, (int, float, np.number)) and np.isfinite(error)
+    return float(error) if known and error is not None else 0.0
+
+
 def bright(data: xr.Dataset) -> xr.DataArray:
-    """Where brdf exceeds 10⁻³ of its largest value over the detector, the part for which an error is promised."""
+    """Where brdf exceeds 10⁻³ of its largest value over the detector, the part for which an error is promised.
+
+    Neither is a value bright below the numerical error of waves, nor, of rays and measurements, one that does not
+    exceed its own standard error; the speckle of waves is as bright as it is.
+    """
     dim = "theta_o" if "theta_o" in data["brdf"].dims else "cell"
-    return data["brdf"] > DIM * data["brdf"].max(dim)
+    seen = data["brdf"] > max(DIM, numerical_floor(data)) * data["brdf"].max(dim)
+    if "brdf_stderr" in data and "theory" not in data.attrs:
+        seen &= ~(data["brdf"] <= data["brdf_stderr"])
+    return seen
 
 
 def bright_spectra(data: xr.Dataset) -> xr.DataArray:

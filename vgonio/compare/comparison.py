@@ -18,6 +18,7 @@ from ..errors import InputError, VgonioError, nearest
 from ..materials import Material
 from ..models.clausen_2022 import WAVELENGTH_N_NM
 from .alike import unlike
+from .bright import bright_spectra
 from .colour import SCALES, delta_e_2000
 from .explained import explained_shares
 from .exponent import FEWEST_FOR_P
@@ -25,8 +26,9 @@ from .looks import looks
 from .metrics import SAME_ANGLE_DEG, align, detector_dim, labelled, nrmse, rmse
 from .pair_figures import pair_figures
 from .r2_error import r2_error
-from .reference import chosen_reference
+from .reference import chosen_reference, reference_last
 from .shift import fit_global_shift, fit_local_shift
+from .spectra import inside_table
 
 _SPECTRAL = {"theta_i", "theta_o", "cell", "wavelength"}
 _AXES = ("theta_i", "theta_o", "wavelength")
@@ -56,7 +58,8 @@ def compare(
         full wave, iterated Kirchhoff, rays, Kirchhoff, Harvey–Shack (`reference.TRUST`), among equals the last
     material : of the Fresnel reflectance in the shift fits, None for F = 1;  p, wavelength_n_nm : of the shift fits
     scale : of ΔE₀₀, see `delta_e_2000`
-    Over `result`: slope, slope_stderr, slope_p, slope_r2, slope_global (…, theta_i, theta_o or cell); shift_h,
+    Over `result`: slope, slope_stderr, slope_p, slope_r2, slope_global, slope_bright (…, theta_i, theta_o or cell; the
+    last is 1 where there is light enough for a colour, see `bright.bright_spectra`); shift_h,
     shift_w, shift_t_y, shift_p with their standard errors, and shift_r2.
     Over `result` as well what instruments would read, see `looks`: gloss_20, gloss_60, gloss_85, haze_20, and
     reflectance, tis (…, theta_i).
@@ -82,9 +85,10 @@ def compare(
     missing: dict[str, dict[str, str]] = {}
     parts = [_shift_parts(name, data, material, p, wavelength_n_nm, skipped) for name, data in named.items()]
     parts = [xr.merge([part, _looks(name, named[name], missing)], join="outer") for part, name in zip(parts, named)]
-    pairs = [_pair_parts(a, b, named, scale, wavelength_n_nm, skipped) for a, b in itertools.combinations(named, 2)]
+    oriented = [reference_last(a, b, named, last) for a, b in itertools.combinations(named, 2)]
+    pairs = [_pair_parts(a, b, named, scale, wavelength_n_nm, skipped) for a, b in oriented]
     merged = _side_by_side(parts, [pair for pair in pairs if pair is not None])
-    shares, why_none = _explained(named, material, p, wavelength_n_nm)
+    shares, why_none = _explained(named, material, p, wavelength_n_nm, skipped)
     merged = merged.merge(shares)
     apart = {f"{a} and {last}": unlike(data, named[last]) for a, data in named.items() if a != last}
     merged.attrs = {
@@ -154,9 +158,23 @@ def _shift_parts(
 ) -> xr.Dataset:
     if p == "fit" and data.sizes["wavelength"] < FEWEST_FOR_P:
         p = 1.0
-    local = _attempt(f"local shift of {name}", skipped, lambda: fit_local_shift(data, material, p, wavelength_n_nm))
+    part = f"local shift of {name}"
+    inside = _attempt(part, skipped, lambda: inside_table(data, material))
+    if inside is None:
+        return xr.Dataset(coords={"result": name})
+    data, words = inside
+    if words:
+        skipped[f"wavelengths of the shift of {name}"] = words
+    local = _attempt(part, skipped, lambda: fit_local_shift(data, material, p, wavelength_n_nm))
     if local is None:
         return xr.Dataset(coords={"result": name})
+    lit = (
+        bright_spectra(data)
+        .astype(float)
+        .transpose("theta_i", detector_dim(data))
+        .drop_vars("solid_angle", errors="ignore")
+    )
+    local["slope_bright"] = labelled(lit, "", "1", "1 where there is light enough for a colour, else 0")
     found = local.rename(p="slope_p", r2="slope_r2").drop_vars("p_stderr").assign_coords(result=name)
     fit = _attempt(
         f"global shift of {name}", skipped, lambda: fit_global_shift(data, material, p, "fit", wavelength_n_nm)
@@ -174,7 +192,7 @@ def _looks(name: str, data: xr.Dataset, missing: dict[str, dict[str, str]]) -> x
 
 
 def _explained(
-    results: Mapping[str, xr.Dataset], material: Any, p: float | str, wavelength_n_nm: float
+    results: Mapping[str, xr.Dataset], material: Any, p: float | str, wavelength_n_nm: float, skipped: dict[str, str]
 ) -> tuple[xr.Dataset, str]:
     """Shares of the shift of the last result that each of the others explains; or why there are none."""
     *others, last = results
@@ -184,6 +202,8 @@ def _explained(
         found = explained_shares(results[last], {name: results[name] for name in others}, material, p, wavelength_n_nm)
     except VgonioError as e:
         return xr.Dataset(), str(e)
+    left_out = json.loads(found.attrs["left_out"] or "{}")
+    skipped |= {f"explained share of {last} by {name}": why for name, why in left_out.items()}
     names = {str(k): f"explained_{k}" for k in (*found.data_vars, "kind")}
     return found.reset_coords("kind").rename(names).drop_attrs(deep=False), ""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,7 +17,7 @@ from ..models.clausen_2022 import WAVELENGTH_N_NM
 from .exponent import FEWEST_FOR_P
 from .metrics import SAME_ANGLE_DEG, detector_dim
 from .shift import fit_global_shift, fit_local_shift
-from .significance import NO_SHIFT, SIGMAS, SMALLEST_NM
+from .significance import NO_SHIFT, SIGMAS, SMALLEST_NM, no_figures
 
 Floats = NDArray[np.float64]
 SAMPLES = 400  # bootstrap draws: their standard deviation is then known to 3.5 %
@@ -53,7 +54,8 @@ def explained_shares(
 
     Returns over `explanation` (the names, then "global shift"): share, share_stderr (bootstrap over angles of
     incidence, over spectra where there are fewer than five), chi2_reduced, slopes (how many), significance =
-    share/share_stderr; `kind`. What could not be fitted is left out and named in attrs["left_out"].
+    share/share_stderr; `kind`. What could not be fitted, a global shift that is no shift of this form included, is left
+    out, and attrs["left_out"] says why, as JSON {name: reason}.
     Raises InputError where the measurement has no usable spectra, and where it has no shift to explain, as a share of
     nothing is no number: slopes below 10⁻⁶ nm⁻¹, none beyond 3 σ, or Σ m²/σ² within 3 σ of what errors alone give.
     """
@@ -74,6 +76,9 @@ def explained_shares(
             left_out[name] = str(e)
     try:
         fit = fit_global_shift(measured, material, p, "fit", wavelength_n_nm)
+        why = no_figures(*(float(fit[k]) for k in ("h", "h_stderr", "r2")))
+        if why:
+            raise InputError(f"{why}: what the fit says of the slopes is no explanation")
         zero = xr.zeros_like(fit["slope_global"])
         parameters = 3 + (fit.attrs["p"].startswith("fitted"))
         rows.append(
@@ -126,7 +131,11 @@ def _assembled(rows: list[dict[str, Any]], dim: str, left_out: dict[str, str]) -
     return xr.Dataset(
         variables,
         coords={"explanation": ("explanation", names, one), "kind": kinds},
-        attrs={"method": "explained shares of the slope", "directions": dim, "left_out": str(left_out or "")},
+        attrs={
+            "method": "explained shares of the slope",
+            "directions": dim,
+            "left_out": json.dumps(left_out, ensure_ascii=False) if left_out else "",
+        },
     )
 
 

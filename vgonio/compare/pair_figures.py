@@ -34,8 +34,9 @@ def pair_figures(
 ) -> dict[str, xr.DataArray]:
     """Scalars by the names of `TEXTS`, and …_stderr of each where both aligned BRDFs have errors.
 
-    Besides nrmse_of_noise, the NRMSE that the standard errors alone would give, NaN where there are none, and
-    directions, how many bright pairs of directions there are. What the wavelengths do not allow is absent.
+    Besides nrmse_of_noise, the NRMSE that the standard errors alone would give, NaN where there are none, directions,
+    how many bright pairs of directions there are, and directions_of_colour, where both are bright. What the
+    wavelengths do not allow is absent.
     The errors are those of `standard_errors`, around the difference less its noise (`true_share`).
     """
     data = reference, predicted
@@ -52,6 +53,10 @@ def pair_figures(
     text = "NRMSE that the standard errors alone would give"
     found["nrmse_of_noise"] = labelled(xr.DataArray(_of_noise(reference, predicted)), "", "1", text)
     count = int(np.isfinite(pair.relative(*brdf)).any(axis=-1).sum())
+    colours = int(pair.both_bright.sum())
+    found["directions_of_colour"] = labelled(
+        xr.DataArray(colours), "", "1", "pairs of directions where both are bright"
+    )
     found["directions"] = labelled(xr.DataArray(count), "", "1", "pairs of directions where B is bright")
     return found
 

@@ -9,7 +9,9 @@ import xarray as xr
 from ..errors import InputError, nearest
 from .explained import kind_of
 
-# the most trusted first: Kirchhoff's theory lacks multiple reflections, the Harvey–Shack theories steep slopes as well
+# in this order whatever the surface, so that one pair is compared one way round everywhere; what to trust on a surface
+# the verdict of a result says (`report.trusted`). The most general first: Kirchhoff's theory lacks multiple
+# reflections, the Harvey–Shack theories steep slopes as well
 TRUST = (
     "measured", "full wave", "iterated Kirchhoff", "rays", "Kirchhoff", "generalized Harvey–Shack", "Harvey–Shack",
     "of unknown origin", "model",
@@ -31,9 +33,20 @@ def origin(name: str, data: xr.Dataset) -> str:
 
 
 def default_reference(results: Mapping[str, xr.Dataset]) -> str:
-    """The name of the most trusted result; among equals the last one."""
+    """The name of the result that comes first in `TRUST`; among equals the last one."""
     rank = {name: TRUST.index(origin(name, data)) for name, data in results.items()}
     return min(reversed(list(results)), key=lambda name: rank[name])
+
+
+def reference_last(a: str, b: str, results: Mapping[str, xr.Dataset], chosen: str) -> tuple[str, str]:
+    """Two names, the one that the other is held against last: the chosen one, else the one that `TRUST` has first.
+
+    So a pair has the same figures with a third result beside it as without.
+    """
+    if chosen in (a, b):
+        return (a, b) if chosen == b else (b, a)
+    rank = [TRUST.index(origin(name, results[name])) for name in (a, b)]
+    return (a, b) if rank[1] <= rank[0] else (b, a)
 
 
 def chosen_reference(results: Mapping[str, xr.Dataset], asked: str | None) -> tuple[str, str]:
@@ -43,7 +56,7 @@ def chosen_reference(results: Mapping[str, xr.Dataset], asked: str | None) -> tu
     """
     if asked is None:
         name = default_reference(results)
-        return name, f"{origin(name, results[name])}, by default the most trusted of measured, full wave, rays, …"
+        return name, f"{origin(name, results[name])}, by default the first of measured, full wave, rays, …"
     if asked in results:
         return asked, "as asked for"
     ends = [name for name in results if name.rpartition(":")[2] == asked]

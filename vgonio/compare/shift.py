@@ -21,7 +21,7 @@ from .global_fit import W_BOUNDS, solve
 from .goodness import aic, spectral_r2, total_r2
 from .local_fit import best_exponents, normalised_model, profile, standard_errors
 from .metrics import labelled
-from .spectra import Spectra, normalised_spectra
+from .spectra import Spectra, inside_table, normalised_spectra
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def fit_local_shift(
     scatter about the fit and include the error of f(λ_n); p_stderr is NaN where p is fixed or at a bound. Spectra
     without a positive f(λ_n) or with too few values are NaN, attrs["spectra_left_out"] counts them.
     Raises InputError for fewer than 3 wavelengths (5 where p is fitted) or λ_n outside them, MaterialError outside the
-    material's table.
+    material's table of all but two wavelengths; a few outside are left out, attrs["wavelengths_left_out"] says which.
     """
     s = normalised_spectra(data, material, wavelength_n_nm, wavelength_range_nm)
     free = p_is_free(s, p, p_bounds)
@@ -124,6 +124,7 @@ def _choices(
         "material": "none (F = 1)" if material is None else str(getattr(material, "name", material)),
         "p": f"fitted within {p_bounds[0]:g} to {p_bounds[1]:g}" if free else f"fixed at {fixed_p(p):g}",
         "weights": "brdf_stderr" if "brdf_stderr" in data else "equal",
+        "wavelengths_left_out": inside_table(data, material)[1],
     }
 
 

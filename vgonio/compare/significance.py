@@ -33,6 +33,11 @@ def no_shift(height: float, error: float, r2: float = np.nan) -> str:
     return f"{NO_FORM} (r² = {r2:.2f})".replace("-", "−") if r2 < LEAST_R2 else ""
 
 
+def no_figures(height: float, error: float, r2: float) -> str:
+    """Why a global fit is not to be quoted at all: `no_shift`, where it does not describe half of the variation."""
+    return no_shift(height, error, r2) if r2 < LEAST_R2 else ""
+
+
 def in_sigmas(sigma: float) -> str:
     """3.2 σ, 31 σ; beyond 100 no digit of it means anything."""
     return "> 100 σ" if sigma > 100 else f"{sigma:.{1 if sigma < 10 else 0}f} σ"

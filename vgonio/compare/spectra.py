@@ -61,10 +61,11 @@ def normalised_spectra(
 
     wavelength_range_nm : in nm, both ends included, what is outside is not used; None is all.
 
-    Raises InputError for fewer than three wavelengths or λ_n outside them, MaterialError outside the material's table.
+    Wavelengths outside of the material's table are left out (`inside_table`). Raises InputError for fewer than three
+    wavelengths or λ_n outside them, MaterialError where fewer than three lie in the table.
     """
     dim = detector_dim(check(data))
-    data = data.sortby("wavelength").transpose(..., "theta_i", dim, "wavelength")
+    data = inside_table(data, reflector)[0].sortby("wavelength").transpose(..., "theta_i", dim, "wavelength")
     w = data["wavelength"].values
     if wavelength_range_nm is not None:
         data = data.isel(
@@ -102,6 +103,24 @@ def normalised_spectra(
         scale,
         data,
     )
+
+
+def inside_table(data: xr.Dataset, reflector: str | Material | None) -> tuple[xr.Dataset, str]:
+    """The wavelengths that a material's table covers, and in words which are left out, "" for none.
+
+    All of them where fewer than three would be left: what asks for F there says why it cannot.
+    """
+    if reflector is None:
+        return data, ""
+    source, w = material(reflector), data["wavelength"].values
+    # half a picometre of slack, as the table itself gives
+    inside = source.perfect | ((w >= source.range_nm[0] - 5e-4) & (w <= source.range_nm[1] + 5e-4))
+    if np.all(inside) or np.sum(inside) < 3:
+        return data, ""
+    left = ", ".join(f"{v:g}" for v in w[~inside])
+    low, high = source.range_nm
+    words = f"{left} nm: the table of {source.name!r} ends there ({low:g} to {high:g} nm)"
+    return data.isel(wavelength=np.flatnonzero(inside)), words
 
 
 def _variances(data: xr.Dataset, scale: Floats) -> Floats:

@@ -13,7 +13,7 @@ from .drawn_errors import median_error
 from .exponent import bound_words
 from .looks import looks_rows
 from .pair_figures import TEXTS
-from .significance import in_sigmas, no_shift
+from .significance import in_sigmas, no_figures, no_shift
 
 Row = dict[str, Any]
 # quantity of a result: name in the table, variable
@@ -90,6 +90,9 @@ def _pair_rows(pair: str, data: xr.Dataset, scale: str) -> list[Row]:
         rows.append(_figure(pair, text, data, name))
     if scale != "normalised" and "delta_e_colour" in data and np.isfinite(data["delta_e_colour"]):
         rows.append(_figure(pair, TEXTS["delta_e_colour"][1], data, "delta_e_colour"))
+        if "directions_of_colour" in data:
+            text = "directions of the colour alone, both bright"
+            rows.append(_figure(pair, text, data, "directions_of_colour"))
     return rows
 
 
@@ -102,14 +105,21 @@ def _p_is_free(comparison: xr.Dataset) -> bool:
 def _result_rows(result: str, data: xr.Dataset, free_p: bool) -> list[Row]:
     rows = []
     if "slope" in data:
-        slopes = data["slope"].values
-        slopes = slopes[np.isfinite(slopes)]
+        known = np.isfinite(data["slope"].values)
+        lit = known & (data["slope_bright"].values > 0.5) if "slope_bright" in data else known
+        slopes, text = (
+            data["slope"].values[lit],
+            f"median slope of the shift ({lit.sum()} of {known.sum()} directions, bright)",
+        )
         if slopes.size:
-            rows.append(_row(result, "median slope of the shift", np.median(slopes), "nm-1", median_error(slopes)))
+            rows.append(_row(result, text, np.median(slopes), "nm-1", median_error(slopes)))
+        elif known.any():
+            rows.append(_words(result, "median slope of the shift", "too little light in all directions"))
     for quantity, name in _SHIFT:
         if name in data and np.isfinite(data[name]):
-            why = no_shift(*(float(data[f"shift_{k}"]) for k in ("h", "h_stderr", "r2")))
-            if name == "shift_w" and why:
+            figures = [float(data[f"shift_{k}"]) for k in ("h", "h_stderr", "r2")]
+            why = no_shift(*figures)
+            if (name == "shift_w" and why) or (name != "shift_r2" and no_figures(*figures)):
                 rows.append(_words(result, quantity, why))
                 continue
             if name == "shift_h" and why:
@@ -132,6 +142,8 @@ def _share_rows(comparison: xr.Dataset) -> list[Row]:
     rows = []
     for name in _names(comparison, "explanation"):
         one = comparison.sel(explanation=name)
-        text = f"{one['explained_kind'].item()}, {in_sigmas(float(one['explained_significance']))}"
+        share = float(one["explained_share"])
+        told = in_sigmas(float(one["explained_significance"])) if share > 0 else "worse than no shift at all"
+        text = f"{one['explained_kind'].item()}, {told}"
         rows.append(_figure(name, f"explained share ({text})", one, "explained_share"))
     return rows

@@ -51,6 +51,7 @@ class Agreement:
     brightness: Figure  # mean ΔE₀₀ with brightness
     colour: Figure  # of the colour alone
     directions: int
+    colour_directions: int = 0  # that the colour alone is taken over; 0 where older comparisons do not say
 
 
 def pairs(comparison: xr.Dataset | None, results: Mapping[str, xr.Dataset]) -> list[Agreement]:
@@ -67,4 +68,5 @@ def agreement(pair: xr.Dataset) -> Agreement:
     nrmse, median, mirror, source, within, brightness, colour = (Figure.of(pair, name) for name in names.split())
     noise, directions = float(pair["nrmse_of_noise"]), int(pair["directions"])
     who = str(pair["pair_predicted"].item()), str(pair["pair_reference"].item())
-    return Agreement(who, nrmse, noise, median, mirror, source, within, brightness, colour, directions)
+    lit = int(pair["directions_of_colour"]) if "directions_of_colour" in pair else 0
+    return Agreement(who, nrmse, noise, median, mirror, source, within, brightness, colour, directions, lit)

@@ -11,7 +11,7 @@ import xarray as xr
 
 from ..compare.bright import bright_spectra
 from ..compare.exponent import bound_words
-from ..compare.significance import SIGMAS, in_sigmas, no_shift
+from ..compare.significance import SIGMAS, in_sigmas, no_figures, no_shift
 from ..errors import VgonioError
 from . import quantities as q
 from .content import Content
@@ -42,17 +42,20 @@ def shift_slopes(comparison: xr.Dataset | None, results: Mapping[str, xr.Dataset
     "theta_o)."""
     if comparison is None or "slope" not in comparison or "theta_o" not in comparison["slope"].dims:
         return {}
-    names = [n for n in ("slope", "slope_stderr", "slope_global") if n in comparison]
+    names = [n for n in ("slope", "slope_stderr", "slope_global", "slope_bright") if n in comparison]
     found = {}
     for name in map(str, comparison["result"].values):
         slopes = comparison[names].sel(result=name, drop=True).dropna("theta_i", how="all", subset=["slope"])
         if slopes.sizes["theta_i"]:
-            found[name] = slopes.assign(bright=bright_directions(results.get(name), slopes))
+            known = "slope_bright" in slopes
+            lit = slopes["slope_bright"] > 0.5 if known else bright_directions(results.get(name), slopes)
+            found[name] = slopes.drop_vars("slope_bright", errors="ignore").assign(bright=lit)
     return found
 
 
 def bright_directions(data: xr.Dataset | None, like: xr.Dataset) -> xr.DataArray:
-    """`compare.bright.bright_spectra` on the grid of the slopes; everywhere for an unknown result."""
+    """`compare.bright.bright_spectra` on the grid of the slopes, of comparisons that do not hold it; everywhere for an
+    unknown result."""
     if data is None:
         return xr.ones_like(like["slope"], dtype=bool)
     share = bright_spectra(data).astype(float)
@@ -128,10 +131,13 @@ def global_fit_table(comparison: xr.Dataset, titles: Mapping[str, str]) -> Table
         fit = comparison.sel(result=name)
         if np.isfinite(float(fit["shift_h"])):
             cells = [with_error(fit, k, scale.get(k, 1.0)) for k in ("h", "w", "t_y", "p")]
-            why = no_shift(*(float(fit[f"shift_{k}"]) for k in ("h", "h_stderr", "r2")))
-            if why:
+            figures = [float(fit[f"shift_{k}"]) for k in ("h", "h_stderr", "r2")]
+            why, none = no_shift(*figures), no_figures(*figures)
+            if none:
+                cells = [why, "–", "–", "–"]
+            elif why:
                 cells[0], cells[1] = f"{cells[0]}: {why}", "–"
-            if comparison.attrs.get("exponent") == "fit" and fit.attrs.get("material") != "none (F = 1)":
+            if not none and comparison.attrs.get("exponent") == "fit" and fit.attrs.get("material") != "none (F = 1)":
                 cells[3] += bound_words(float(fit["shift_p"]))
             rows.append(
                 (

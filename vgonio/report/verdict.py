@@ -221,7 +221,8 @@ def agreement_of(made: Verdict, results: Mapping[str, xr.Dataset], pair: Agreeme
     """One pair as a card and a sentence."""
     a, b = pair.names
     first_one, second = q.title(a, results[a]), q.in_words(b, results[b])
-    delta = f", mean ΔE₀₀ of the colour alone {pair.colour}" if pair.colour.known else ""
+    of = f" (of {pair.colour_directions} directions where both are bright)" if pair.colour_directions else ""
+    delta = f", mean ΔE₀₀ of the colour alone {pair.colour}{of}" if pair.colour.known else ""
     apart = unlike(results[a], results[b])
     note = f"NRMSE {pair.nrmse.percent}{delta}{'; not of the theories alone, see below' if apart else ''}"
     made.cards.append(Card(f"{first_one} against {second}, median difference", pair.median.percent, note))
@@ -233,8 +234,8 @@ def agreement_of(made: Verdict, results: Mapping[str, xr.Dataset], pair: Agreeme
         kind = "mostly noise" if pair.noise**2 > 0.5 * pair.nrmse.value**2 else "not noise"
         noise = f"; noise alone would give {percent(pair.noise)}, so that is {kind}"
     made.add(
-        f"{first_one} and {second} differ by {pair.median.percent} in the median{sides}. NRMSE, which the brightest "
-        "directions rule: "
+        f"{first_one} and {second} differ by {pair.median.percent} in the median{sides}. NRMSE over the mean of "
+        f"{second}, which the brightest directions rule: "
         f"{pair.nrmse.percent}{noise}.{delta[1:].replace(' mean', ' Mean') + '.' if delta else ''}"
         f"{' ' + apart if apart else ''}"
     )
