@@ -144,9 +144,9 @@ vg.report.plot_orders(
 # scatter light into them.
 #
 # ## 5. What vgonio says before it runs
-# `vgonio plan` and `vgonio verdict` do not run the rigorous solver. They look up the most similar surfaces, by Sq, slope
-# and angle, in tables of rigorous solutions: gratings (RCWA and the coordinate method, by other codes) and Gaussian
-# profiles (the full wave). How good is that forecast on sinusoids that are not in the tables?
+# `vgonio plan` and `vgonio verdict` do not run the rigorous solver. They look up the most similar surfaces, by Sq,
+# slope and angle, in tables of rigorous solutions: gratings (RCWA and the coordinate method, by other codes) and
+# Gaussian profiles (the full wave). How good is that forecast on sinusoids that are not in the tables?
 
 # %%
 rows = []

@@ -16,7 +16,7 @@ from vgonio.measure.surface_summary import surface_dataset
 from vgonio.report.agreement import Agreement, Figure
 from vgonio.report.shifts import MeanShift, in_words, signed
 from vgonio.report.tables import percent
-from vgonio.report.trusted import Ground, advice, recommendation
+from vgonio.report.trusted import Ground, Judgement, _also_waves, _one_for_all, advice, recommendation
 from vgonio.report.verdict import lost_beside_cones
 from vgonio.report.wave_reflections import reflections_in_words, shares
 from vgonio.validity import expectations
@@ -272,3 +272,18 @@ def test_a_profile_loses_light_beside_narrow_cones():
     assert lost_beside_cones("waves", data, surface_dataset(ROUGH)) is None
     assert lost_beside_cones("waves", data.assign_attrs(aperture_deg=10.0), surface_dataset(STEEP)) is None
     assert lost_beside_cones("waves", data.assign_attrs(solver="FullWave"), surface_dataset(STEEP)) is None
+
+
+def test_one_method_for_all_angles_comes_before_several_that_take_turns():
+    """Kirchhoff at 0° and 30°, rays everywhere: rays; never in place of a rigorous solver."""
+    good, bad = Judgement(True, "fine", 0.01), Judgement(False, "off")
+    theories = {"waves": "kirchhoff", "rays": "rays", "waves_full_wave": "full-wave"}
+    judged = {t: {"waves": bad if t > 40 else good, "rays": good} for t in THETA_I}
+    turns = {"waves": {0.0: good, 30.0: good}, "rays": {58.0: good}}
+    assert set(_one_for_all(turns, judged, theories)) == {"rays"}
+    (said,) = _also_waves(judged, theories, {"waves": result("kirchhoff")})
+    assert said == "Waves (Kirchhoff) would serve as well at θᵢ = 0°, 30°: fine."
+    rigorous = {"waves_full_wave": {0.0: good}, "rays": {58.0: good}}
+    assert _one_for_all(rigorous, judged, theories) == rigorous
+    judged[58.0]["rays"] = bad
+    assert _one_for_all(turns, judged, theories) == turns

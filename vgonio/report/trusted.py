@@ -121,6 +121,7 @@ def advice(
             trusted.setdefault(best, {})[theta] = found[best]
         else:
             refused[theta] = found
+    trusted = _one_for_all(trusted, judged, theories)
     parts = _trusted_parts(trusted, refused, results)
     if refused:
         parts.append(_refused_part(refused, results, bool(trusted), _remedy(ground, set(theories.values()))))
@@ -139,6 +140,22 @@ def _best(found: Mapping[str, Judgement], theories: Mapping[str, str]) -> str | 
     once = [n for n in once if _width(found[n]) >= widest - SAME_WIDTH_DEG]
     offs = {n: found[n].off if math.isfinite(found[n].off) else 0.0 for n in once}
     return next(n for n in once if offs[n] <= min(offs.values()) + SAME_OFF)
+
+
+def _one_for_all(
+    trusted: dict[str, dict[float, Judgement]],
+    judged: Mapping[float, Mapping[str, Judgement]],
+    theories: Mapping[str, str],
+) -> dict[str, dict[float, Judgement]]:
+    """The same, but one theory of single reflections, or the rays, where it is fit wherever several take turns;
+    the one that was best at more angles is asked first."""
+    if len(trusted) < 2 or any(theories[n] not in (*SCALAR, "rays") for n in trusted):
+        return trusted
+    angles = sorted(t for found in trusted.values() for t in found)
+    for name in sorted(trusted, key=lambda n: (-len(trusted[n]), RANK.index(theories[n]))):
+        if all(name in judged[t] and judged[t][name].ok for t in angles):
+            return {name: {t: judged[t][name] for t in angles}}
+    return trusted
 
 
 def _width(found: Judgement) -> float:
@@ -227,7 +244,7 @@ def _others(
     """Which other methods would do as well as the theory of single reflections that is trusted, and how they differ."""
     chosen = next((n for n in trusted if theories[n] in SCALAR), None)
     if chosen is None:
-        return []
+        return _also_waves(judged, theories, results) if set(trusted) == {"rays"} else []
     said = []
     rays = [found.get("rays") for t, found in judged.items() if t in trusted[chosen]]
     if all(j is not None and j.ok for j in rays):
@@ -240,6 +257,21 @@ def _others(
         if both:
             words = (q.title(name, results[name]), q.in_words(chosen, results[chosen]))
             said.append(_other(words, both, pair))
+    return said
+
+
+def _also_waves(
+    judged: Mapping[float, Mapping[str, Judgement]], theories: Mapping[str, str], results: Mapping[str, xr.Dataset]
+) -> list[str]:
+    """Where a theory of single reflections would do as well as the rays that are trusted."""
+    said = []
+    for name in (n for n, t in theories.items() if t in SCALAR):
+        fit = {t: found[name] for t, found in judged.items() if name in found and found[name].ok}
+        if fit:
+            worst = max(fit.values(), key=lambda j: j.off if math.isfinite(j.off) else -1.0)
+            said.append(
+                f"{q.title(name, results[name])} would serve as well at θᵢ = {_angles(list(fit))}: {worst.why}."
+            )
     return said
 
 
