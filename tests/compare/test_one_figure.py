@@ -167,3 +167,12 @@ def test_the_page_shows_no_parameters_of_what_is_no_shift(tmp_path):
     assert row[1].startswith("no s")
     assert row[2:5] == ("–", "–", "–")
     assert page(xr.DataTree.from_dict({"rays": data}), tmp_path / "p.html")
+
+
+def test_the_page_says_below_what_the_waves_know_nothing():
+    from vgonio.report.sections import floor_words
+
+    assert "numerical error of waves, 0.2 % of the largest" in floor_words(
+        {"waves": KIRCHHOFF.assign_attrs(error_achieved=0.002)}
+    )
+    assert floor_words({"rays": RAYS}) == ""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 
 import xarray as xr
 
+from ..compare.bright import numerical_floor
 from . import figures, tables
 from . import quantities as q
 from .agreement import Agreement, pairs
@@ -113,6 +114,17 @@ def last_bounce(rays: xr.Dataset) -> str:
     return f"The lightest blue gathers {int(rays['bounce'].values[-1])} and more." if rays.sizes["bounce"] > 1 else ""
 
 
+def floor_words(results: Mapping[str, xr.Dataset]) -> str:
+    """Below which share of the largest value the numerical error of waves leaves nothing, which no band shows."""
+    floor = max((numerical_floor(data) for data in results.values()), default=0.0)
+    if not floor > 0:
+        return ""
+    return (
+        f" The bands do not hold the numerical error of waves, {percent(floor, 1)} of the largest value of a panel: "
+        "what lies below that, as back-scattering from smooth surfaces, is not known."
+    )
+
+
 def lobes_section(content: Content) -> Section:
     made = Section("lobes", "Scattering lobes", "Lobes")
     if not content.results:
@@ -122,7 +134,7 @@ def lobes_section(content: Content) -> Section:
     if plane:
         caption = (
             f"BRDF in the plane of incidence at {wavelength_of(plane)} nm, logarithmic, one panel for each θᵢ; bands "
-            "are ± one standard error. Dashed: mirror direction; dotted: back-scattering."
+            f"are ± one standard error. Dashed: mirror direction; dotted: back-scattering.{floor_words(plane)}"
         )
         made.draw(figures.lobes(plane), caption)
     if sphere:
