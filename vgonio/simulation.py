@@ -137,7 +137,8 @@ def _groups(scene: Scene, plan: Plan, inputs: assembly.Inputs, run: _Run) -> Ite
         from .compare import compare
 
         with run.part("comparison"):
-            comparison = compare(results, material=inputs.material)
+            # what instruments would read takes the library of colours: of one result alone, nothing asks for it
+            comparison = compare(results, material=inputs.material, instruments=plan.needs("compare"))
         yield "comparison", comparison
 
 

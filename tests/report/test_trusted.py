@@ -16,7 +16,8 @@ from vgonio.measure.surface_summary import surface_dataset
 from vgonio.report.agreement import Agreement, Figure
 from vgonio.report.shifts import MeanShift, in_words, signed
 from vgonio.report.tables import percent
-from vgonio.report.trusted import Ground, Judgement, _also_waves, _one_for_all, advice, recommendation
+from vgonio.report.judgement import Ground, Judgement
+from vgonio.report.trusted import _also_waves, _one_for_all, advice, recommendation
 from vgonio.report.verdict import lost_beside_cones
 from vgonio.report.wave_reflections import reflections_in_words, shares
 from vgonio.validity import expectations

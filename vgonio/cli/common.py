@@ -75,7 +75,7 @@ def save_figure(figure: Any, path: Path) -> None:
 
 
 def print_json(value: Any) -> None:
-    """JSON on standard output as its standard has it (RFC 8259): what is not finite, an error not known, is null."""
+    """JSON on standard output as its standard has it: what is not finite, an error not known, is null."""
     print(json.dumps(_plain(value), ensure_ascii=False, indent=2, allow_nan=False))
 
 

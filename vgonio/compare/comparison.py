@@ -51,13 +51,14 @@ def compare(
     scale: str = "reference-Y50",
     p: float | str = "fit",
     wavelength_n_nm: float = WAVELENGTH_N_NM,
+    instruments: bool = True,
 ) -> xr.Dataset:
     """Compare results by name, or the groups of a DataTree that hold a BRDF: the group `comparison` of a result.
 
     reference : name of the result that the others are measured against; by default the most trusted: measured, then
         full wave, iterated Kirchhoff, rays, Kirchhoff, Harvey–Shack (`reference.TRUST`), among equals the last
     material : of the Fresnel reflectance in the shift fits, None for F = 1;  p, wavelength_n_nm : of the shift fits
-    scale : of ΔE₀₀, see `delta_e_2000`
+    scale : of ΔE₀₀, see `delta_e_2000`;  instruments : False leaves out what instruments of one number would read
     Over `result`: slope, slope_stderr, slope_p, slope_r2, slope_global, slope_bright (…, theta_i, theta_o or cell; the
     last is 1 where there is light enough for a colour, see `bright.bright_spectra`); shift_h,
     shift_w, shift_t_y, shift_p with their standard errors, and shift_r2.
@@ -84,7 +85,8 @@ def compare(
     named = _same_directions(named, skipped)
     missing: dict[str, dict[str, str]] = {}
     parts = [_shift_parts(name, data, material, p, wavelength_n_nm, skipped) for name, data in named.items()]
-    parts = [xr.merge([part, _looks(name, named[name], missing)], join="outer") for part, name in zip(parts, named)]
+    if instruments:
+        parts = [xr.merge([part, _looks(name, named[name], missing)], join="outer") for part, name in zip(parts, named)]
     oriented = [reference_last(a, b, named, last) for a, b in itertools.combinations(named, 2)]
     pairs = [_pair_parts(a, b, named, scale, wavelength_n_nm, skipped) for a, b in oriented]
     merged = _side_by_side(parts, [pair for pair in pairs if pair is not None])

@@ -35,7 +35,8 @@ def r2_error(data: xr.Dataset, fit: xr.Dataset) -> float:
 
     def figures(brdf: Floats) -> dict[str, float]:
         y = spectral(brdf)[counted]
-        return {"r2": float(1 - np.sum((y - model[counted]) ** 2) / np.sum((y - y.mean()) ** 2))}
+        varies = float(np.sum((y - y.mean()) ** 2))
+        return {"r2": float(1 - np.sum((y - model[counted]) ** 2) / varies) if varies > 0 else float("nan")}
 
     def nearer(noise: Noise, brdf: Floats) -> list[Floats]:
         """As far from the fit as noise does not explain."""

@@ -92,7 +92,7 @@ class Gonioreflectometer:
             "divergence_deg": float(self.divergence_deg),
             "surface_sq_um": float(np.std(surface.z)),
             "surface_profile": int(surface.is_profile),
-            "surface_digest": hashlib.sha256(np.ascontiguousarray(surface.z)).hexdigest()[:16],
+            "surface_digest": hashlib.sha256(np.ascontiguousarray(surface.z).data).hexdigest()[:16],
             "seconds": time.perf_counter() - start,
         }
         return data

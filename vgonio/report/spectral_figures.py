@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -146,7 +146,7 @@ def shift_slopes(slopes: Mapping[str, xr.Dataset], titles: Mapping[str, str] | N
     labels = [str(h.get_label()) for h in handles]
     fitted = tuple(Line2D([], [], color=colour[n], lw=1.2) for n, data in slopes.items() if "slope_global" in data)
     lines = directions_named()
-    shown = [*handles, *([fitted] if fitted else []), *lines]
+    shown: list[Any] = [*handles, *([fitted] if fitted else []), *lines]
     labels += [GLOBAL_FIT] if fitted else []
     labels += [str(h.get_label()) for h in lines]
     beside = {tuple: HandlerTuple(ndivide=None, pad=0.2)}

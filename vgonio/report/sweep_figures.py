@@ -111,8 +111,8 @@ def lobe_of_each(ax: Axes, data: xr.Dataset, keys: list[str], title: str) -> Non
         logarithmic(ax, "y", top * 10**-4.5, top * 2)
     if ax.lines:
         # beneath the panel: inside it would lie on the lobes
-        below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2), "ncols": 3}
-        ax.legend(title=keys[0] + unit_of(data, keys[0]), fontsize=7, title_fontsize=7.5, **below)
+        title = keys[0] + unit_of(data, keys[0])
+        ax.legend(title=title, fontsize=7, title_fontsize=7.5, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
     ax.set_xlabel("angle of reflection θₒ (°)")
     ax.set_ylabel("BRDF (sr⁻¹)")
     fixed = held(data, keys)

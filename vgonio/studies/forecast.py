@@ -62,6 +62,7 @@ class StudyPlan:
         return DASK + max(p.memory_bytes for p in (*self.planned, self.dearest))
 
     def to_dict(self) -> dict[str, Any]:
+        """What JSON can hold of it: seconds, bytes and counts, by the names of the attributes."""
         totals = {k: getattr(self, k) for k in ("seconds", "point_seconds", "memory_bytes")}
         return {**totals, **asdict(self)}
 
