@@ -4,7 +4,7 @@ Each row of a height field is a profile; every 16th is taken, 10 µm apart: thei
 are not quite (Sal 19 to 28 µm), so errors over rows can be low: docs/wavelength_shift.md says by how much. One file a
 row in the folder given, rows that are there are not computed again.
 
-    python examples/14_wavelength_shift/simulate.py out/shift --samples 1 2 3 4 5 --rows 12      # 20 minutes
+    python examples/14_wavelength_shift/simulate.py out/shift --samples 1 2 3 4 5 --rows 12      # 45 minutes
     python examples/14_wavelength_shift/simulate.py out/quick --quick                            # 4 s
 """
 
