@@ -59,7 +59,9 @@ def interpolate_wavelength(data: xr.Dataset, wavelength: Floats) -> xr.Dataset:
 
 
 def at_wavelengths(values: Floats, own: Floats, wavelength: Floats) -> Floats:
-    """Spectra (…, n), at two or more sorted wavelengths, linearly between them at others (m,) inside: (…, m)."""
+    """Spectra (…, n), at sorted wavelengths, linearly between them at others (m,) inside: (…, m)."""
+    if own.size == 1:
+        return np.repeat(values, wavelength.size, axis=-1)
     right = np.clip(np.searchsorted(own, wavelength), 1, own.size - 1)
     t = np.clip((wavelength - own[right - 1]) / (own[right] - own[right - 1]), 0.0, 1.0)
     # an end point that is hit exactly must not take NaN from the other end

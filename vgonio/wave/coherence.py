@@ -31,8 +31,11 @@ class Window:
     centre: tuple[float, float]
 
     def profile(self, t: Floats, half: float) -> Floats:
-        # where ℓ is many times what the sample holds of the window, a difference of two numbers that are nearly 1: a
-        # parabola, which further coherence does not change but to make it vanish
+        if half > self.length:
+            edge = np.exp(-(half**2) / (2 * self.length**2))
+            return np.maximum(np.exp(-(t**2) / (2 * self.length**2)) - edge, 0.0)
+        # where ℓ is many times what the sample holds of the window, that is a difference of two numbers that are nearly
+        # 1: a parabola, which further coherence does not change but to make it vanish
         length = min(self.length, PARABOLIC * half)
         inside = np.maximum(half**2 - t**2, 0.0) / (2 * length**2)
         return np.exp(-(half**2) / (2 * length**2)) * np.expm1(inside)
