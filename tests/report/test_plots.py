@@ -75,7 +75,7 @@ def test_delta_e_against_the_last_or_another(full_result, wave_result, measured_
     ]
     expected = float(delta_e_2000(measured_result, wave_result, "absolute").mean())
     one = wave_result.vgonio.plot_delta_e(measured_result, scale="absolute")
-    assert f"mean {expected:.3g}," in one.axes[0].get_xlabel()
+    assert f"mean ΔE₀₀ {expected:.3g}," in one.axes[0].get_xlabel()
     with pytest.raises(InputError, match="give another as reference"):
         wave_result.vgonio.plot_delta_e()
 
@@ -88,7 +88,7 @@ def test_the_colour_of_noise_does_not_count(wave_result, measured_result):
     tree = xr.DataTree.from_dict({"waves": dimmed, "measured": measured_result})
     text = tree.vgonio.plot_delta_e().axes[0].get_xlabel()
     verdict = colour_difference(measured_result, dimmed, "normalised")
-    assert f"mean {float(verdict.mean()):.3g}," in text
+    assert f"mean ΔE₀₀ {float(verdict.mean()):.3g}," in text
     everywhere = delta_e_2000(measured_result, dimmed, "normalised")
     assert float(everywhere.mean()) > 2 * float(verdict.mean())
     assert np.isnan(verdict.where(dark, drop=True)).all()

@@ -14,9 +14,9 @@ from vgonio.dataset import brdf_dataset
 from vgonio.directions import Detector
 from vgonio.measure.surface_summary import surface_dataset
 from vgonio.report.agreement import Agreement, Figure
+from vgonio.report.judgement import Ground, Judgement
 from vgonio.report.shifts import MeanShift, in_words, signed
 from vgonio.report.tables import percent
-from vgonio.report.judgement import Ground, Judgement
 from vgonio.report.trusted import _also_waves, _one_for_all, advice, recommendation
 from vgonio.report.verdict import lost_beside_cones
 from vgonio.report.wave_reflections import reflections_in_words, shares

@@ -73,4 +73,4 @@ def test_the_plan_has_the_time():
     long["wave"] = {"shadowing": True, "fresnel": "local"}
     long["detector"] = {"theta_o_deg": list(range(-80, 81, 2))}
     made = vg.plan(long)
-    assert any("of work on two cores" in w for w in made.warnings)
+    assert "of work on two cores" in made.refused

@@ -111,8 +111,8 @@ def _say_which_errors(parts: list[str]) -> None:
     ]
     if any(name.startswith("waves") for name in parts):
         said.append("of waves the numerical one, relative to the peak of the BRDF over θₒ; speckle is not in it")
-    if said:
-        print(f"error: {'; '.join(said)}")
+    for start, words in zip(("error: ", "       "), said):
+        print(start + words)
 
 
 def _say_long(made: Plan) -> None:

@@ -99,8 +99,11 @@ def true_share(difference: Floats, noise: Callable[[int], Floats]) -> float:
     """
     known = np.isfinite(difference)
     total = float(np.mean(difference[known] ** 2)) if known.any() else 0.0
-    by_chance = float(np.mean([np.nanmean(noise(k)[known] ** 2) for k in range(LOOKS)])) if total > 0 else 0.0
-    return float(np.sqrt(max(0.0, 1.0 - by_chance / total))) if total > 0 else 0.0
+    if not total > 0:
+        return 0.0
+    drawn = [noise(k)[known] for k in range(LOOKS)]
+    by_chance = [float(np.mean(d[np.isfinite(d)] ** 2)) for d in drawn if np.isfinite(d).any()]
+    return float(np.sqrt(max(0.0, 1.0 - float(np.mean(by_chance or [0.0])) / total)))
 
 
 def median_error(values: Floats, samples: int = 200, seed: int = 0) -> float:
