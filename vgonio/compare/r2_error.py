@@ -7,8 +7,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..dataset import ascending
+from .colour import normalised
 from .drawn_errors import Noise, standard_errors, true_share
-from .metrics import at_wavelengths, detector_dim
+from .metrics import detector_dim
 from .shift import fitted_spectra
 from .spectra import normalised_spectra
 
@@ -30,8 +31,7 @@ def r2_error(data: xr.Dataset, fit: xr.Dataset) -> float:
     counted &= np.isfinite(model)
 
     def spectral(brdf: Floats) -> Floats:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(counted, brdf / at_wavelengths(brdf, w, np.array([anchor])), np.nan)
+        return np.where(counted, normalised(brdf, w, anchor), np.nan)
 
     def figures(brdf: Floats) -> dict[str, float]:
         y = spectral(brdf)[counted]
